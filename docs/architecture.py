@@ -47,7 +47,7 @@ PACKAGES = {
         "gestures, motion capture, plays, live performance",
         "`script`: files of scores and plays, their cues, verbs and times; `gestures`: gestures, "
         "and scores that time them in beats; `capture`: BVH files; `retarget`: clips transferred "
-        "to puppets; `cast`: players, props; `ways`: path planning on the stage; `plays`: plays "
+        "to puppets; `cast`: players, props; `pathfinding`: walks on the stage; `plays`: plays "
         "compiled and verified; `perform`: live performance",
     ),
     "lab": (
@@ -121,7 +121,7 @@ WALKS = {
             "load_play",
             "places and simulates the cues, until every requirement holds",
         ),
-        ("theatre/plays/placing.py", "place_cues", "cues get times, places and ways"),
+        ("theatre/plays/placing.py", "place_cues", "cues get times, places and walks"),
         (
             "theatre/plays/runs.py",
             "runs_of",
@@ -319,7 +319,7 @@ TASKS = (
             ),
             ("place it, as a gesture, as a walk, or with props", _PLACING),
             ("its gesture, if it is not a bundled one", ("theatre/plays/sitting.py",)),
-            ("check its run", ("theatre/plays/handled.py",)),
+            ("check its run", ("theatre/plays/failures.py",)),
             ("describe it", ("/docs/plays.md",)),
         ),
     ),

@@ -10,7 +10,7 @@ import numpy as np
 
 import fantoccini as fan
 from fantoccini.output import view
-from fantoccini.theatre.perform.demo import POSES, performance
+from fantoccini.theatre.perform.demo import GREETING_PICTURE_TIMES, performance
 
 out = Path("out")
 out.mkdir(exist_ok=True)
@@ -31,6 +31,6 @@ for event in sorted(catches, key=lambda e: e.impulse)[-3:]:
 print(f"the energy ledger closes to {np.abs(run.ledger['residual']).max():.0e} J")
 
 run.to_csv(out / "greeting.csv")
-view.strip(puppet, run, out / "greeting.png", times=POSES, scale=1.0)
+view.strip(puppet, run, out / "greeting.png", times=GREETING_PICTURE_TIMES, scale=1.0)
 run.plot(out / "greeting_plot.png", scale=1.0)
 print("wrote greeting.png, greeting_plot.png and greeting.csv in", out)

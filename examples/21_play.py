@@ -38,6 +38,6 @@ for change in play.changes:
     print(change)
 check = fan.theatre.verify_play(play)
 for cue in check.cues:
-    print(f"{cue.cue.action}: {cue.who} at {cue.observed:.2f} s, {1e3 * cue.late:+.0f} ms")
+    print(f"{cue.cue.action}: {cue.who} at {cue.observed:.2f} s, {1e3 * cue.lateness:+.0f} ms")
 print(play, check, sep="\n")
 view.strip(play.marionette, check.run, out / "play.png", times=[0.0, 3.0, 7.0, 10.0])

@@ -347,20 +347,20 @@ def test_no_class_is_spread_over_files():
 @pytest.mark.parametrize(
     "text",
     [
-        "from fantoccini.theatre.perform.player import Player\nclass Live(Player): ...",
-        "from fantoccini.theatre.perform.player import Player as P\nclass Live(P): ...",
-        "from .player import Player\nclass Live(Generic[T], Player): ...",
-        "from fantoccini.theatre.perform import player\nclass Live(player.Player[T]): ...",
+        "from fantoccini.theatre.perform.player import MotionPlayer\nclass Live(MotionPlayer): ...",
+        "from fantoccini.theatre.perform.player import MotionPlayer as P\nclass Live(P): ...",
+        "from .player import MotionPlayer\nclass Live(Generic[T], MotionPlayer): ...",
+        "from fantoccini.theatre.perform import player\nclass Live(player.MotionPlayer[T]): ...",
         "import fantoccini.theatre.perform.player\n"
-        "class Live(fantoccini.theatre.perform.player.Player): ...",
-        "import fantoccini.theatre.perform.player as p\nclass Live(p.Player): ...",
-        "def f():\n    from .player import Player\n    class Live(Player): ...",
+        "class Live(fantoccini.theatre.perform.player.MotionPlayer): ...",
+        "import fantoccini.theatre.perform.player as p\nclass Live(p.MotionPlayer): ...",
+        "def f():\n    from .player import MotionPlayer\n    class Live(MotionPlayer): ...",
     ],
 )
 def test_base_classes_of_other_files_are_recognised(text):
     folder = PACKAGE / "theatre" / "perform"
     (pair,) = foreign_bases(text, folder / "performance.py")
-    assert pair == ("Live", "theatre.perform.player.Player")
+    assert pair == ("Live", "theatre.perform.player.MotionPlayer")
     assert foreign_bases(text, folder / "player.py") == []
 
 

@@ -26,9 +26,9 @@ from fantoccini.theatre.gestures import (
     Policy,
     Turn,
 )
-from fantoccini.theatre.plays.on_stage import OnStage
 from fantoccini.theatre.plays.placing import Placement
 from fantoccini.theatre.plays.rounds import Results, Round
+from fantoccini.theatre.plays.stage_state import StageState
 from fantoccini.theatre.script import (
     STYLE_WORDS,
     VERBS,
@@ -131,7 +131,9 @@ def test_there_is_one_timeline_and_one_order_of_placing():
     sorting_modules = {name for name, tree in sources() if calls(tree, "TopologicalSorter")}
     assert sorting_modules <= {"script/times.py"}
     heap_modules = {name for name, tree in sources() if calls(tree, "heappop")}
-    assert {name for name in heap_modules if not name.startswith("ways/")} == {"script/timeline.py"}
+    assert {name for name in heap_modules if not name.startswith("pathfinding/")} == {
+        "script/timeline.py"
+    }
 
 
 def test_scores_and_plays_have_one_performer():
@@ -188,7 +190,7 @@ PLACING_VALUES = (
     Hands,
     Results,
     Line,
-    OnStage,
+    StageState,
     Part,
     Performed,
     Performer,

@@ -57,7 +57,7 @@ def measured(path: Path, folder: Path, walks: bool) -> str:
     run, clip = check.run.resample(cue_of_play.start + gesture.t), gesture.retargeted
     seen = places_in(clip.figure, player.marionette.poses(run.q_D, run.q_K))
     at, heading = np.array([player.start.x, player.start.y]), player.start.heading
-    for way in play.ways["pierrot"]:
+    for way in play.walks["pierrot"]:
         (at,), (heading,) = way.footing(np.array([cue_of_play.start]))
     turn = Rotation.from_euler("z", heading).as_matrix()
     middle = np.array([player.middle.real, player.middle.imag, 0.0])

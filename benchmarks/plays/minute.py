@@ -49,9 +49,9 @@ def _measured(what: str, path: Path, before: fan.theatre.Play | None = None) -> 
         f"{what}: compiled in {compiled - begun:.1f} s ({play.rounds} rounds), verified in "
         f"{verified - compiled:.1f} s\n  {play!r}\n  {table.n_vD} degrees of freedom, "
         f"{len(play.marionette.tree.strings)} strings, {table.n_vK} driven coordinates\n  cues: "
-        f"{len(check.cues)} parts, {sum(cue.limb for cue in check.cues)} seen by limbs; the worst "
-        f"is {1e3 * check.worst:.1f} ms off\n  {sum(check.catches.values())} catches; "
-        f"{len(check.faults)} faults"
+        f"{len(check.cues)} parts, {sum(cue.is_limb_time for cue in check.cues)} seen by limbs; "
+        f"the worst is {1e3 * check.max_lateness:.1f} ms off\n"
+        f"  {sum(check.catches.values())} catches; {len(check.faults)} faults"
     )
     for change in play.changes:
         print(f"  {change}")

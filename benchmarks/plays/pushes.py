@@ -26,7 +26,7 @@ from scipy.interpolate import CubicSpline
 
 import fantoccini as fan
 from fantoccini.theatre.gestures import lateness
-from fantoccini.theatre.perform.steady import Members
+from fantoccini.theatre.perform.steady import PlayerBodies
 from fantoccini.theatre.plays import CueOfPlay
 
 SEEDS = 20
@@ -66,7 +66,7 @@ class Pushes:
         live, players = show.performance, show.play.cast.players
         for t in np.sort(rng.uniform(1.0, show.play.duration - 1.0, PUSHES)):
             who = str(rng.choice(list(players)))
-            own = show.play.cast.member(who)
+            own = show.play.cast.prefix(who)
             way = rng.normal(size=3)
             way /= np.linalg.norm(way)
             self.whom.append((float(t), who))
@@ -135,7 +135,7 @@ def distance(play: fan.theatre.Play, run: Run, still: Run, cue: CueOfPlay) -> fl
     """Largest distance of a body of the cue's players from its place in the other run [m]."""
     largest, links = 0.0, play.marionette.tree.links
     for who in cue.who:
-        own = [i for i, b in enumerate(links) if b.name.startswith(play.cast.member(who))]
+        own = [i for i, b in enumerate(links) if b.name.startswith(play.cast.prefix(who))]
         times = np.clip([*cue.marks[who].values()], run.t[0], run.t[-1])
         there = [
             play.marionette.poses(at.q_D, at.q_K)[:, own, :, 3]
@@ -160,7 +160,7 @@ def main() -> None:
 
 def settling(play: fan.theatre.Play, steady: bool, seeds: int = 6) -> None:
     """Prints the time for which a player's centre of mass is off by 1 cm after an impulse."""
-    members, durations = Members(play), []
+    members, durations = PlayerBodies(play), []
     for seed in range(seeds):
         rng = np.random.default_rng(seed)
         who = int(rng.integers(len(members.names)))
@@ -175,7 +175,7 @@ def settling(play: fan.theatre.Play, steady: bool, seeds: int = 6) -> None:
         force = GIVEN * weight / 9.81 / SLIP_TIME * np.array([0.6, 0.8, 0.0])
         off = []
         for k in range(round(8.0 / tick)):
-            body = f"{play.cast.member(name)}torso"
+            body = f"{play.cast.prefix(name)}torso"
             shows[0].performance.push(body, force if k * tick < SLIP_TIME else None)
             places = [
                 members.mass_centres(x.q_D, x.q_K)[who] for x in (s.advance(tick) for s in shows)

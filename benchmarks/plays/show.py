@@ -18,7 +18,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from pythonosc.osc_message_builder import OscMessageBuilder
 from pythonosc.osc_packet import OscPacket
-from tests.perform.played import PLAY
+from tests.perform.short_play import PLAY
 from tests.show.browser import until
 
 import fantoccini as fan

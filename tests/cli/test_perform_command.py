@@ -15,7 +15,7 @@ import pytest
 from pythonosc.osc_message_builder import OscMessageBuilder
 from pythonosc.osc_packet import OscPacket
 from tests.cli.command import fantoccini
-from tests.perform.played import PLAY
+from tests.perform.short_play import PLAY
 
 pytestmark = pytest.mark.slow
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 from tests.cli.command import fantoccini, mistake
-from tests.plays.tiny import MAY_TOUCH, TOUCHES, write_play
+from tests.plays.tiny import OPTIONAL_TOUCHING_CUES, TOUCHING_CUES, write_play
 
 import fantoccini as fan
 from fantoccini.base.media import ffmpeg
@@ -39,7 +39,7 @@ def played(folder):
     with wave.open(str(folder / "drum.wav"), "wb") as sound:
         sound.setparams((1, 2, 8000, 8000, "NONE", ""))
         sound.writeframes(bytes(16000))
-    path = write_play(folder, more="sound: drum.wav\n")
+    path = write_play(folder, extra_keys="sound: drum.wav\n")
     report, look = f"--report={folder / 'page.html'}", ["--size", "240x180", "--fps", "4"]
     return fantoccini("play", path, report, *out, *look)
 
@@ -93,7 +93,7 @@ def test_a_film_on_a_stage_has_captions_only_if_asked(
         path.touch()
 
     monkeypatch.setattr(view, "film", film)
-    path = write_play(folder, more="    camera: [{at: one}]\n")
+    path = write_play(folder, extra_keys="    camera: [{at: one}]\n")
     result = fantoccini("play", path, "--out", tmp_path / "a.mp4", *options)
     assert result.exit_code == 0, result.stderr
     assert bool(film_arguments.get("captions")) is captions
@@ -102,7 +102,7 @@ def test_a_film_on_a_stage_has_captions_only_if_asked(
 
 
 def test_a_cue_that_cannot_be_done_ends_with_1_and_its_line(tmp_path):
-    path = write_play(tmp_path, TOUCHES)
+    path = write_play(tmp_path, TOUCHING_CUES)
     result = fantoccini("play", path, "--report", tmp_path / "page.html")
     assert result.exit_code == 1
     assert f"{path}:15: acts[0].cues[1]: one: sway.yaml cannot be done" in result.stderr
@@ -112,7 +112,7 @@ def test_a_cue_that_cannot_be_done_ends_with_1_and_its_line(tmp_path):
 
 
 def test_an_omitted_optional_cue_is_reported_and_ends_with_0(tmp_path):
-    result = fantoccini("play", write_play(tmp_path, MAY_TOUCH))
+    result = fantoccini("play", write_play(tmp_path, OPTIONAL_TOUCHING_CUES))
     assert result.exit_code == 0
     assert "acts[0].cues[1]: one: sway.yaml is left out" in result.stderr
 
@@ -124,7 +124,9 @@ def test_the_verdict_is_printed_before_the_report_and_the_film_are_written(tmp_p
         raise fan.errors.PictureError("no room on the disk")
 
     monkeypatch.setattr(reports, "play_report", fails)
-    result = fantoccini("play", write_play(tmp_path, TOUCHES), "--report", tmp_path / "page.html")
+    result = fantoccini(
+        "play", write_play(tmp_path, TOUCHING_CUES), "--report", tmp_path / "page.html"
+    )
     assert result.exit_code != 0
     assert "1 of 2 cues can be done" in result.stdout
     assert "one: sway.yaml cannot be done" in result.stderr
@@ -132,7 +134,7 @@ def test_the_verdict_is_printed_before_the_report_and_the_film_are_written(tmp_p
 
 def test_a_play_at_its_time_limit_is_reported(tmp_path):
     began = time.monotonic()
-    result = fantoccini("play", write_play(tmp_path, TOUCHES), "--within", "0")
+    result = fantoccini("play", write_play(tmp_path, TOUCHING_CUES), "--within", "0")
     assert result.exit_code == 1
     assert "compiling was stopped after 1 round" in result.stderr
     assert "2 of 2 cues can be done, " in result.stdout and " remarks" in result.stdout

@@ -20,7 +20,7 @@ def take(tmp_path_factory):
     live.move("hand", home + np.array([0.05, 0.0, 0.0]))
     live.advance(0.05)
     live.record()
-    live.wind("hand", 0.95 * live.wanted_length("hand"))
+    live.wind("hand", 0.95 * live.target_length("hand"))
     live.advance(0.6)
     path = tmp_path_factory.mktemp("take") / "take.npz"
     live.stop().save(path)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.perform.before import previous_format_arrays
+from tests.perform.previous_format import previous_format_arrays
 
 import fantoccini as fan
 from contact.bodies import G, on_slope, stepped, thrown

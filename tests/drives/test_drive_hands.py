@@ -55,7 +55,7 @@ def test_a_chain_is_wound():
         zeta = c * omega / (2 * k)
         return 2 * (np.sqrt(1 + zeta**2) - zeta) / omega
 
-    slow = Hands.ranges_of(puppet, live.state, 0.002)["line"][0]
+    slow = Hands.default_ranges(puppet, live.state, 0.002)["line"][0]
     for dt, shortest in ((live.dt, low), (0.002, slow)):
         assert dt <= longest_step(shortest) and (
             shortest < 0.081 or dt > longest_step(shortest / 1.13)
@@ -67,4 +67,4 @@ def test_a_chain_is_wound():
     assert live.length("line") == pytest.approx(0.6)
     assert live.state.q_D[at] - before == pytest.approx(0.2, abs=0.01)
     live.wind("line", 0.0)
-    assert live.wanted_length("line") == low
+    assert live.target_length("line") == low

@@ -7,7 +7,7 @@ import zipfile
 
 import numpy as np
 import pytest
-from tests.perform.before import previous_format_arrays
+from tests.perform.previous_format import previous_format_arrays
 
 import fantoccini as fan
 from damage import entries, fuzz, packed, stored

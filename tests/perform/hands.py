@@ -8,4 +8,6 @@ from fantoccini.theatre.perform.hands import Hands
 
 def hands_of(live: fan.Performance) -> Hands:
     """The groups of its driven coordinates, with its bounds."""
-    return Hands.of(live.marionette, live.state, live.speed, live.acceleration, live.lengths)
+    return Hands.for_puppet(
+        live.marionette, live.state, live.speed, live.acceleration, live.lengths
+    )

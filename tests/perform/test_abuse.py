@@ -15,7 +15,7 @@ from properties import puppets
 pytestmark = [pytest.mark.slow, pytest.mark.long]
 
 NAMES = ("arm2d", "arm3d", "crane", "marionette", "marionette_bar", "stand6", "string_pendulum")
-CALM = ("marionette", "marionette_bar", "stand6")
+SETTLING_NAMES = ("marionette", "marionette_bar", "stand6")
 """Puppets with enough damping to come to rest within half a minute."""
 MAX_ENERGY_GAIN = 12.0
 """Largest gain of energy, relative to the puppet's weight times 1 m; the largest seen was 7."""
@@ -27,36 +27,36 @@ def energy_gain_of_throws(live: fan.Performance, throws: int, ticks: int, seed: 
     marionette, hands, rng = live.marionette, hands_of(live), np.random.default_rng(seed)
     homes = {h.name: live.place(h.name) for h in live.handles}
     lengths = {name: live.length(name) for name in live.lengths}
-    before, n = sum(marionette.energies(live.state)), len(hands.names)
-    gained, v_K = 0.0, live.state.v_K
+    start_energy, n = sum(marionette.energies(live.state)), len(hands.names)
+    max_gain, v_K = 0.0, live.state.v_K
     for throw in range(throws):
         for handle in live.handles:
-            away = rng.normal(size=3)
-            away *= 10.0 / np.linalg.norm(away)
+            offset = rng.normal(size=3)
+            offset *= 10.0 / np.linalg.norm(offset)
             position, _ = homes[handle.name]
             if throw % 2 == 0 and rng.random() < 0.7:
-                live.move(handle.name, position + away, rng.normal(size=4))
+                live.move(handle.name, position + offset, rng.normal(size=4))
             else:
                 live.move(handle.name, *homes[handle.name])
-        for name, ends in live.lengths.items():
+        for name, length_range in live.lengths.items():
             live.wind(name, [-1e9, 1e9, lengths[name]][rng.integers(3)])
-            assert ends[0] <= live.wanted_length(name) <= ends[1]
+            assert length_range[0] <= live.target_length(name) <= length_range[1]
         for _ in range(ticks):
             x = live.step()
-            for part in (x.q_D, x.v_D, x.q_K, x.v_K, x.slip, live.tension):
-                assert np.all(np.isfinite(part))
-            gained = max(gained, sum(marionette.energies(x)) - before)
-            assert not any("stopped" in why for why in live.lagging.values())
+            for array in (x.q_D, x.v_D, x.q_K, x.v_K, x.slip, live.tension):
+                assert np.all(np.isfinite(array))
+            max_gain = max(max_gain, sum(marionette.energies(x)) - start_energy)
+            assert not any("stopped" in reason for reason in live.lagging.values())
             assert np.all(reach.lengths(x.v_K, hands.group, n) <= hands.speed * (1 + 1e-9))
             if not marionette.coordinates.quaternions_K:
-                change = reach.lengths(x.v_K - v_K, hands.group, n) / live.tick
-                assert np.all(change <= hands.acceleration * (1 + 1e-9))
+                accelerations = reach.lengths(x.v_K - v_K, hands.group, n) / live.tick
+                assert np.all(accelerations <= hands.acceleration * (1 + 1e-9))
             v_K = x.v_K
     for name, place in homes.items():
         live.move(name, *place)
     for name, length in lengths.items():
         live.wind(name, length)
-    return gained
+    return max_gain
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -64,19 +64,19 @@ def test_a_puppet_thrown_a_hundred_times_returns_to_rest(name):
     marionette = getattr(fan.puppets, name)()
     live = fan.Performance(marionette)
     x0 = live.state
-    gained = energy_gain_of_throws(live, throws=100, ticks=40, seed=1)
-    assert gained < MAX_ENERGY_GAIN * marionette.weight
+    max_gain = energy_gain_of_throws(live, throws=100, ticks=40, seed=1)
+    assert max_gain < MAX_ENERGY_GAIN * marionette.weight
     live.advance(15.0)
     # The hands return to their positions ...
     assert np.max(np.abs(hands_of(live).away(live.state.q_K, x0.q_K)), initial=0.0) < 1e-12
     assert live.lagging == {} and np.all(live.slip < 1e-6)
-    if name not in CALM:
+    if name not in SETTLING_NAMES:
         return
     # ... and the puppet returns to its rest.
     live.advance(45.0)
     assert np.max(np.abs(live.state.v_D)) < 1.0
-    now, then = (marionette.poses(x.q_D, x.q_K)[:, :, 3] for x in (live.state, x0))
-    assert np.max(np.abs(now - then)) < 0.08
+    positions, start_positions = (marionette.poses(x.q_D, x.q_K)[:, :, 3] for x in (live.state, x0))
+    assert np.max(np.abs(positions - start_positions)) < 0.08
     kinetic, potential = marionette.energies(live.state)
     assert kinetic < 1e-3 * marionette.weight
     assert potential - marionette.energies(x0)[1] < 2e-3 * marionette.weight
@@ -98,15 +98,15 @@ def test_a_hand_stops_just_beyond_the_puppets_reach_and_returns_at_once():
     live.move("hand", home + np.array([10.0, 0.0, 0.0]))
     live.advance(4.0)
     # Shoulder to string end: 0.7 m up, and 0.6 m of arm and 1 m of string: x <= sqrt(1.6^2-0.7^2).
-    reached = live.place("hand")[0][0]
-    farthest = np.sqrt((0.6 + live.length("hand")) ** 2 - home[2] ** 2)
-    assert farthest - 0.03 < reached < farthest + 0.03
+    reached_x = live.place("hand")[0][0]
+    farthest_x = np.sqrt((0.6 + live.length("hand")) ** 2 - home[2] ** 2)
+    assert farthest_x - 0.03 < reached_x < farthest_x + 0.03
     assert abs(live.slip[0] - HELD_SLIP) < 0.005
     assert "limit" in live.lagging["hand"] and "slips by" in live.lagging["hand"]
     assert live.tension[0] <= live.grip * (1 + 1e-9)
     live.move("hand", home)
     live.advance(0.05)
-    assert live.place("hand")[0][0] < reached - 0.5 * 10.0 * 0.04**2
+    assert live.place("hand")[0][0] < reached_x - 0.5 * 10.0 * 0.04**2
     live.advance(2.0)
     assert np.allclose(live.place("hand")[0], home, atol=1e-13)
     assert live.lagging == {}
@@ -142,8 +142,8 @@ pose: {rod: 0.1}
 """)
     live = fan.Performance(marionette, marionette.project(marionette.state()))
     home, _ = live.place("hold")
-    for away in ([10, 0, 0], [0, 0, 10], [0, 0, -10], [-10, 0, 3]):
-        live.move("hold", home + np.array(away, dtype=float))
+    for offset in ([10, 0, 0], [0, 0, 10], [0, 0, -10], [-10, 0, 3]):
+        live.move("hold", home + np.array(offset, dtype=float))
         live.advance(3.0)
         x, _, z = live.place("hold")[0]
         assert np.hypot(x, z) <= 1.0 + 1e-3
@@ -193,20 +193,20 @@ def test_if_the_stepper_fails_the_hands_stop_and_the_recording_ends(monkeypatch)
     home, _ = live.place("hand")
     live.move("hand", home + np.array([0.3, 0.0, 0.0]))
     live.advance(0.1)
-    reported, failed = Stepper.reported.fget, []
+    real_reported, failing_steppers = Stepper.reported.fget, []
 
-    def fails(stepper):
+    def reported_status(stepper):
         """Fail for the first stepper, not for its replacements."""
-        failed[:] = failed or [stepper]
-        return fan.Status.NOT_SETTLED if stepper is failed[0] else reported(stepper)
+        failing_steppers[:] = failing_steppers or [stepper]
+        return fan.Status.NOT_SETTLED if stepper is failing_steppers[0] else real_reported(stepper)
 
-    monkeypatch.setattr(Stepper, "reported", property(fails))
+    monkeypatch.setattr(Stepper, "reported", property(reported_status))
     x = live.step()
     assert np.all(x.v_K == 0) and np.all(np.isfinite(x.q_D))
     assert "stopped" in live.lagging["hand"]
     assert not live.recording
     recording = live.stop()
-    assert len(recording) == 12 and "stopped" in recording.ended
+    assert len(recording) == 12 and "stopped" in recording.end_reason
     assert np.array_equal(recording.replay().q_D, recording.trajectory.q_D)
     live.advance(2.0)
     assert np.allclose(live.place("hand")[0], home + np.array([0.3, 0.0, 0.0]), atol=1e-13)

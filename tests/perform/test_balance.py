@@ -46,8 +46,8 @@ def test_a_push_beside_the_centre_of_mass_turns_the_body():
     live.push("bob", [0.01, 0.0, 0.0], at=[0.0, 0.05, 0.0])
     torque, damping, inertia = -0.05 * 0.01, 2e-2, 1e-3
     x = live.advance(0.05)
-    slowed = 1.0 - np.exp(-damping / inertia * 0.05)
-    assert x.v_D[5] == pytest.approx(torque / damping * slowed, rel=0.01)
+    damping_factor = 1.0 - np.exp(-damping / inertia * 0.05)
+    assert x.v_D[5] == pytest.approx(torque / damping * damping_factor, rel=0.01)
 
 
 def test_mistakes_of_pushes_are_named():
@@ -62,16 +62,16 @@ def test_mistakes_of_pushes_are_named():
 
 
 def test_hands_calm_a_kicked_arm(arm):
-    left = []
+    late_speeds = []
     for balanced in (False, True):
         live = fan.Performance(arm, kicked_state(arm))
         if balanced:
             live.set_hand_law(fan.theatre.Balance(live))
-        left.append(late_speed(arm, live))
-    assert left[1] < 0.2 * left[0]
+        late_speeds.append(late_speed(arm, live))
+    assert late_speeds[1] < 0.2 * late_speeds[0]
 
 
-def test_hands_stay_within_their_bounds_and_bring_it_back(arm):
+def test_hands_stay_within_their_bounds_and_bring_the_puppet_back(arm):
     live = fan.Performance(arm, speed=0.3, acceleration=3.0)
     place = live.state.q_D
     live.set_hand_law(fan.theatre.Balance(live))

@@ -68,7 +68,7 @@ def test_one_hand_drags_the_bar_along_and_the_feet_follow():
     assert np.degrees(np.arccos(min(upright))) < 25.0
 
 
-def test_released_it_falls_on_the_floor_and_stands_up_again():
+def test_a_released_puppet_falls_on_the_floor_and_stands_up_again():
     live = fan.Performance(fan.puppets.promenade())
     before = {name: live.length(name) for name in live.lengths}
     for name in live.lengths:

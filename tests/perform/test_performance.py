@@ -65,7 +65,7 @@ def test_quaternions_of_matrices():
         assert min(np.max(np.abs(turned_back - q)), np.max(np.abs(turned_back + q))) < 1e-14
 
 
-def test_it_hangs_at_rest_and_stays(marionette):
+def test_a_puppet_hangs_at_rest_and_stays(marionette):
     live = fan.Performance(marionette)
     before = live.state
     live.advance(1.0)
@@ -94,7 +94,7 @@ def test_a_dragged_string_end_arrives_exactly_and_stays(marionette):
     assert np.all(live.state.v_K == 0) or np.max(np.abs(live.state.v_K)) < 1e-13
     live.wind("hand_left", live.length("hand_left") - 0.05)
     live.advance(1.5)
-    assert live.length("hand_left") == pytest.approx(live.wanted_length("hand_left"), abs=1e-14)
+    assert live.length("hand_left") == pytest.approx(live.target_length("hand_left"), abs=1e-14)
     assert live.lagging == {}
 
 
@@ -102,7 +102,7 @@ def test_a_control_bar_is_moved_and_turned_at_once(bar):
     live = fan.Performance(bar)
     (handle,) = live.handles
     assert (handle.name, handle.kind, handle.joint) == ("bar", "body", "free")
-    assert handle.axes.shape == handle.turns.shape == (3, 3)
+    assert handle.axes.shape == handle.turn_axes.shape == (3, 3)
     start_position, orientation = live.place("bar")
     turned = rotation.multiply(orientation, rotation.exp(np.array([0.2, -0.3, 0.4])))
     live.move("bar", start_position + np.array([0.1, -0.1, 0.05]), -3.0 * turned)
@@ -115,7 +115,7 @@ def test_a_control_bar_is_moved_and_turned_at_once(bar):
 
 def test_handles_of_every_joint_go_where_their_joint_lets_them(bridge_crane):
     live = fan.Performance(bridge_crane)
-    kinds = {h.name: (h.joint, len(h.axes), len(h.turns)) for h in live.handles}
+    kinds = {h.name: (h.joint, len(h.axes), len(h.turn_axes)) for h in live.handles}
     assert kinds == {
         "bridge": ("prismatic", 1, 0),
         "trolley": ("prismatic", 1, 0),
@@ -153,7 +153,7 @@ def test_driven_velocity_is_continuous_and_bounded(bar):
         live.move("bar", start_position + 0.2 * rng.normal(size=3), rng.normal(size=4))
         live.advance(rng.uniform(0.05, 0.4))
     recording = live.stop()
-    assert recording.ended == ""
+    assert recording.end_reason == ""
     inputs, hands = recording.inputs, hands_of(live)
     inside = recording.times[1:-1]
     q_0, v_0, _ = inputs.evaluate(np.nextafter(inside, 0.0))
@@ -199,7 +199,7 @@ def test_targets_may_be_set_from_other_threads(marionette):
     assert np.all(np.isfinite(live.state.q_D))
 
 
-def test_whole_ticks_are_simulated_and_the_rest_counts_later(marionette):
+def test_whole_ticks_are_simulated_and_the_remainder_is_kept(marionette):
     live = fan.Performance(marionette, tick=0.01)
     live.advance(0.025)
     assert live.t == pytest.approx(0.02)
@@ -221,7 +221,7 @@ def test_reset_restores_the_start(bar):
     assert np.array_equal(live.state.q_K, before.q_K)
 
 
-def test_parameters_change_while_it_goes_on(bridge_crane):
+def test_parameters_change_during_a_performance(bridge_crane):
     live = fan.Performance(bridge_crane)
     live.move("trolley", [0.5, 0, 3])
     live.advance(0.2)

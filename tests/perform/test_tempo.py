@@ -7,13 +7,13 @@ import pytest
 from fantoccini.theatre.perform.tempo import Tempo
 
 
-def test_beats_go_on_where_the_tempo_changes():
+def test_beats_are_continuous_where_the_tempo_changes():
     tempo = Tempo(120.0)
-    assert tempo.beat == 0.5 and tempo.beats(1.25) == 2.5
-    assert tempo.next(1.25) == 1.5 and tempo.next(1.5) == 1.5
+    assert tempo.beat == 0.5 and tempo.beat_number(1.25) == 2.5
+    assert tempo.next_beat_time(1.25) == 1.5 and tempo.next_beat_time(1.5) == 1.5
     tempo.set(60.0, 1.25)
-    assert tempo.beats(1.25) == 2.5
-    assert tempo.next(1.25) == pytest.approx(1.75)
+    assert tempo.beat_number(1.25) == 2.5
+    assert tempo.next_beat_time(1.25) == pytest.approx(1.75)
 
 
 def test_taps_give_tempo_and_phase():
@@ -21,12 +21,12 @@ def test_taps_give_tempo_and_phase():
     for k in range(5):
         tempo.tap(10.03 + 0.3 * k, 100.0 + 0.6 * k)  # the performance at half speed
     assert tempo.bpm == pytest.approx(100.0)
-    assert tempo.next(10.03 + 1.2) == pytest.approx(10.03 + 1.2)
-    assert tempo.beats(10.03 + 1.2) == round(tempo.beats(10.03 + 1.2))
+    assert tempo.next_beat_time(10.03 + 1.2) == pytest.approx(10.03 + 1.2)
+    assert tempo.beat_number(10.03 + 1.2) == round(tempo.beat_number(10.03 + 1.2))
     # After a pause a tap counts as the first: it sets the beat, not the tempo.
     tempo.tap(30.0, 130.0)
     assert tempo.bpm == pytest.approx(100.0)
-    assert tempo.next(30.0) == 30.0
+    assert tempo.next_beat_time(30.0) == 30.0
 
 
 def test_a_tempo_is_one_that_can_be_tapped():

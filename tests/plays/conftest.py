@@ -33,16 +33,16 @@ class Plays:
     def __init__(self, folder: Path):
         self.folder = folder
 
-    def written(self, acts: str, head: str = HEAD, name: str = "trial.yaml") -> Path:
+    def write(self, acts: str, head: str = HEAD, name: str = "trial.yaml") -> Path:
         """Path of a play's file."""
         path = self.folder / name
         path.write_text(head + acts)
         return path
 
-    def compiled(self, cues: str, **options: object) -> fan.theatre.Play:
+    def compile(self, cues: str, **options: object) -> fan.theatre.Play:
         """A play of one act."""
         lines = "".join(f"      - {line.strip()}\n" for line in cues.strip().splitlines())
-        return fan.load_play(self.written(f"acts:\n  - act: one\n    cues:\n{lines}"), **options)
+        return fan.load_play(self.write(f"acts:\n  - act: one\n    cues:\n{lines}"), **options)
 
 
 @pytest.fixture(name="plays")

@@ -23,15 +23,15 @@ from fantoccini.theatre.gestures import Step
 from fantoccini.theatre.plays import putting
 from fantoccini.theatre.plays.reading import read_play
 from fantoccini.theatre.plays.sitting import sit
-from fantoccini.theatre.plays.walks import Walks
+from fantoccini.theatre.plays.walk_planner import WalkPlanner
 
 SOURCE = Path(fan.__file__).parent / "theatre"
-ROLES = {"head", "hand", "foot"}
+COMMON_WORDS = {"head", "hand", "foot"}
 """Names that are also words for parts of any body."""
 
 
 @cache
-def own_names() -> set[str]:
+def marionette_names() -> set[str]:
     """Names of bodies and strings of the bundled marionette, without their sides."""
     puppet = scene.load(bundled("marionette"))
     names = {part.name for part in (*puppet.bodies, *puppet.strings)}
@@ -45,30 +45,30 @@ def literals(path: Path) -> list[str]:
     return [node.value for node in nodes if isinstance(node.value, str)]
 
 
-def is_own_name(text: str) -> bool:
+def is_marionette_name(text: str) -> bool:
     """Whether a constant is a name of the bundled marionette, or its beginning before a side."""
-    names = "|".join(sorted(own_names()))
+    names = "|".join(sorted(marionette_names()))
     match = re.fullmatch(rf"\.?({names})(_(left|right)?)?(\.[a-z]*)?", text)
-    return match is not None and (match[1] not in ROLES or match[2] is not None)
+    return match is not None and (match[1] not in COMMON_WORDS or match[2] is not None)
 
 
 def test_the_search_finds_names_of_the_bundled_marionette():
-    assert {"hand", "shoulder", "knee", "torso", "skull", "forearm", "thigh"} <= own_names()
+    assert {"hand", "shoulder", "knee", "torso", "skull", "forearm", "thigh"} <= marionette_names()
     for text in ("skull", "hand_", ".forearm_", "knee_left.up", "torso", "shoulder_right"):
-        assert is_own_name(text), text
+        assert is_marionette_name(text), text
     for text in ("arm_", "leg_left", "head", "trunk", "a hand"):
-        assert not is_own_name(text), text
+        assert not is_marionette_name(text), text
 
 
-@pytest.mark.parametrize("room", ["cast", "plays"])
-def test_no_name_of_the_bundled_marionette_is_hard_coded(room):
-    wired = [
+@pytest.mark.parametrize("package", ["cast", "plays"])
+def test_no_name_of_the_bundled_marionette_is_hard_coded(package):
+    hard_coded = [
         f"{path.name}: {text!r}"
-        for path in sorted((SOURCE / room).rglob("*.py"))
+        for path in sorted((SOURCE / package).rglob("*.py"))
         for text in literals(path)
-        if is_own_name(text)
+        if is_marionette_name(text)
     ]
-    assert not wired
+    assert not hard_coded
 
 
 @pytest.fixture(scope="module", name="hans")
@@ -98,11 +98,11 @@ def test_a_puppet_of_other_names_and_sizes_has_the_gestures_with_props_and_seats
     assert set(physique.trunk_strings) == {"crown", "collar_left", "collar_right", "seat"}
     assert moved_strings(prop_gestures.carry(hans, "", side="left")) == {"wrist_left"}
     assert moved_strings(putting.putting(hans, "", "ball", 0.01).gesture) == set(physique.strings)
-    handing = prop_gestures.give(hans, "", "", "ball", side="left")
-    assert moved_strings(handing.giver) == {"wrist_left"} and "leg_right" in moved_strings(
-        handing.receiver
+    handover = prop_gestures.give(hans, "", "", "ball", side="left")
+    assert moved_strings(handover.giver) == {"wrist_left"} and "leg_right" in moved_strings(
+        handover.receiver
     )
-    assert handing.touching == (("lower_arm_left", "ball"), ("lower_arm_right", "ball"))
+    assert handover.touching == (("lower_arm_left", "ball"), ("lower_arm_right", "ball"))
     # The elbow is at [0, 0.09, 0.343] in the file's pose.
     place = np.array([1.34626 * 0.061, 0.106, 0.347])
     np.testing.assert_allclose(prop_gestures.handle_place(hans, side="left"), place, atol=1e-5)
@@ -150,7 +150,9 @@ PALM = """\
 """
 
 
-def changed(changes: dict[str, str], arm: str = "forearm_left", end: str = "0, 0, -0.09") -> str:
+def changed_marionette(
+    changes: dict[str, str], arm: str = "forearm_left", end: str = "0, 0, -0.09"
+) -> str:
     """Text of the bundled marionette after changes, with a rig, so that no rest is needed."""
     text = bundled("marionette").read_text(encoding="utf-8") + RIG
     for before, after in changes.items():
@@ -173,15 +175,17 @@ def holding(puppet: str, along: float) -> fan.Marionette:
 @pytest.mark.medium
 @pytest.mark.parametrize(("changes", "end"), [({}, "0, 0, -0.09"), (ALONG_X, "0.09, 0, 0")])
 def test_the_distance_from_the_elbow_is_along_any_axis_of_the_forearm(changes, end):
-    stage = holding(changed(changes, end=end), 0.05)
-    away = prop_gestures.handle_distance(stage, stage.state(), "", "ball", 0.0, side="left")
-    assert away == pytest.approx(0.05, abs=1e-6)
+    stage = holding(changed_marionette(changes, end=end), 0.05)
+    distance = prop_gestures.handle_distance(stage, stage.state(), "", "ball", 0.0, side="left")
+    assert distance == pytest.approx(0.05, abs=1e-6)
 
 
 @pytest.mark.medium
 def test_a_prop_hangs_on_the_forearm_of_an_arm_with_a_hand_of_its_own():
     arm = "forearm_left, palm_left"
-    text = changed({"  - name: thigh_left\n": PALM + "  - name: thigh_left\n"}, arm, "0.02, 0, 0")
+    text = changed_marionette(
+        {"  - name: thigh_left\n": PALM + "  - name: thigh_left\n"}, arm, "0.02, 0, 0"
+    )
     puppet = fan.Marionette(scene.loads(text))
     physique = Physique.of(puppet)
     assert physique.forearm("right") == "forearm_right"
@@ -195,7 +199,7 @@ TAIL = """\
     joint: {name: rump, type: revolute, axis: [0, 1, 0], at: [-0.03, 0, -0.05]}
     shapes: [{type: capsule, from: [0, 0, 0], to: [-0.1, 0, 0], radius: 0.006, mass: 0.01}]
 """
-FURTHER = """\
+EXTRA_STRINGS = """\
   - {name: tip, path: [{body: tail, at: [-0.09, 0, 0]}, {driven: [x, y], at: [-0.15, 0, 1.2]}],
      length: driven}
   - {name: sleeve_left, path: [{body: upper_arm_left}, {driven: [x, y], at: [0, 0.2, 1.2]}],
@@ -221,12 +225,12 @@ def offsets_at(gesture: fan.theatre.Gesture, t: float) -> dict[str, float]:
 def test_further_strings_move_with_the_part_that_carries_them_when_a_puppet_sits_down():
     changes = {
         "  - name: thigh_left\n": TAIL + "  - name: thigh_left\n",
-        "\n# Start: standing": FURTHER + "\n# Start: standing",
+        "\n# Start: standing": EXTRA_STRINGS + "\n# Start: standing",
         "strings: [hand_left]": "strings: [hand_left, wrist_left, sleeve_left]",
         "strings: [knee_left]}": "strings: [foot_left, knee_left, thigh_string_left]}\n"
         "    - {kind: tail, bodies: [tail], end: [-0.1, 0, 0], strings: [tip]}",
     }
-    puppet = fan.Marionette(scene.loads(changed(changes)))
+    puppet = fan.Marionette(scene.loads(changed_marionette(changes)))
     physique = Physique.of(puppet)
     assert {"tip", "sleeve_left", "head", "shoulder_left"} < set(physique.trunk_strings)
     assert physique.knee_string("left") == "knee_left"
@@ -268,7 +272,7 @@ acts: [{act: One, cues: [{who: she, walks to: [0.1, 0.2]}]}]
 
 def looking_left() -> str:
     """Text of the bundled marionette that looks along y in its file."""
-    text = scene.loads(changed({})).expanded().to_yaml()
+    text = scene.loads(changed_marionette({})).expanded().to_yaml()
     data = YAML(typ="safe").load(text)
     for string in data["strings"]:
         x, y, _ = string["path"][1]["at"]
@@ -284,7 +288,7 @@ def looking_left() -> str:
 def test_a_puppet_whose_file_looks_along_y_faces_walks_and_holds_like_one_along_x(tmp_path):
     (tmp_path / "holds.yaml").write_text(HOLDS, encoding="utf-8")
     poses, props, walks, aims = [], [], [], []
-    for text in (changed({}), looking_left()):
+    for text in (changed_marionette({}), looking_left()):
         (tmp_path / "she.yaml").write_text(text, encoding="utf-8")
         script = read_play(tmp_path / "holds.yaml", cast.ResultCache())
         she = script.cast.players["she"]
@@ -314,13 +318,15 @@ def test_steps_and_clearances_are_those_of_the_player(tmp_path):
     path = tmp_path / "holds.yaml"
     path.write_text(HOLDS.replace("puppet: she.yaml", "puppet: hans"), encoding="utf-8")
     script = read_play(path, cast.ResultCache())
-    she, walks = script.cast.players["she"], Walks(script.cast, script.log)
+    she, planner = script.cast.players["she"], WalkPlanner(script.cast, script.log)
     ratio = 0.25824 / 0.26417
     assert she.leg_ratio == pytest.approx(ratio)
-    assert walks.clearance(she) == pytest.approx(she.radius + ratio * 0.026)
+    assert planner.clearance(she) == pytest.approx(she.radius + ratio * 0.026)
     # Chest, neck and crown of the file, lifted by 2.5 cm; the head leans a little at rest.
     assert she.height == pytest.approx(0.388 + 0.122 + 0.181 + 0.025, abs=0.01)
     goal = cast.Footing(0.1, 0.2, she.start.heading)
-    free = dict(begin=0.0, wait=0.0, others=(), near=0.0, arrives=None, free_from=0.0)
-    way, _ = walks.way(she, she.start, [goal], act_start=0.0, **free)
-    assert max(step.length for step in way.steps) == pytest.approx(0.4 / 5)
+    free = dict(
+        begin=0.0, max_wait=0.0, tracks=(), max_goal_distance=0.0, arrival_time=None, free_time=0.0
+    )
+    walk, _ = planner.plan(she, she.start, [goal], act_start=0.0, **free)
+    assert max(step.length for step in walk.steps) == pytest.approx(0.4 / 5)

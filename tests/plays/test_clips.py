@@ -37,7 +37,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.long]
 FRAMES = 60
 BOUNDS = {"speed": 1.5, "acceleration": 12.0}
 """Bounds of a stage without bounds in its file."""
-MAX_BOUND_SHARE = 1.0 + 2e-3
+MAX_PEAK_RATIO = 1.0 + 2e-3
 """Factor by which peaks may exceed a bound, as in the verification of a play."""
 
 
@@ -66,7 +66,7 @@ def _waving(wave: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[fan.t
     """A play in which one player walks and turns first, and each waves as in a clip."""
     plays = Plays(tmp_path_factory.mktemp("waving"))
     shutil.copy(wave, plays.folder)
-    play = plays.compiled(
+    play = plays.compile(
         "{who: pierrot, walks to: [0.1, 0.4], facing: left}\n{who: pierrot, does: up.bvh}\n"
         "{who: columbine, does: up.bvh, name: hers}\n"
         "{who: columbine, does: nod, when: up.over + 2}"
@@ -79,8 +79,8 @@ def _verified(waving: tuple[fan.theatre.Play, Path]) -> fan.theatre.Verification
     return fan.theatre.verify_play(waving[0])
 
 
-@pytest.fixture(scope="module", name="made")
-def _made(waving: tuple[fan.theatre.Play, Path]) -> ClipGesture:
+@pytest.fixture(scope="module", name="clip_motion")
+def _clip_motion(waving: tuple[fan.theatre.Play, Path]) -> ClipGesture:
     player = waving[0].cast.players["pierrot"]
     return clip_gesture(
         place_on_spot(player.marionette, waving[1], start=player.rest_state), **BOUNDS
@@ -102,7 +102,7 @@ def test_a_play_with_a_clip_compiles_and_is_verified(
 
 
 @pytest.mark.parametrize(
-    ("who", "number", "most"),
+    ("who", "number", "max_excess"),
     # Errors of the motion beyond those of hanging poses, as a share of the height; after a walk and
     # a turn the remaining swing is added.
     [("columbine", 3, 0.025), ("pierrot", 2, 0.09)],
@@ -110,24 +110,28 @@ def test_a_play_with_a_clip_compiles_and_is_verified(
 def test_the_limbs_follow_the_clip(
     waving: tuple[fan.theatre.Play, Path],
     verified: fan.theatre.Verification,
-    made: ClipGesture,
+    clip_motion: ClipGesture,
     who: str,
     number: int,
-    most: float,
+    max_excess: float,
 ):
     """The stage's run is compared with the clip at the place of the player."""
     play, _ = waving
     start = play.cues[number - 1].start
-    player, retargeted, table = play.cast.players[who], made.retargeted, play.marionette.coordinates
-    run = verified.run.resample(start + made.t)
-    own = player.marionette.coordinates
-    q_D = run.q_D[:, [table.q_D.index(f"{who}.{name}") for name in own.q_D]]
-    q_K = run.q_K[:, [table.q_K.index(f"{who}.{name}") for name in own.q_K]]
-    seen = places_in(retargeted.figure, player.marionette.poses(q_D, q_K))
+    player, retargeted, table = (
+        play.cast.players[who],
+        clip_motion.retargeted,
+        play.marionette.coordinates,
+    )
+    run = verified.run.resample(start + clip_motion.t)
+    table_of_player = player.marionette.coordinates
+    q_D = run.q_D[:, [table.q_D.index(f"{who}.{name}") for name in table_of_player.q_D]]
+    q_K = run.q_K[:, [table.q_K.index(f"{who}.{name}") for name in table_of_player.q_K]]
+    positions = places_in(retargeted.figure, player.marionette.poses(q_D, q_K))
     xy, heading = [player.start.x, player.start.y], player.start.heading
-    for way in play.ways[who]:
-        (xy,), (heading,) = way.footing(np.array([start]))
-    turn = Rotation.from_euler("z", heading).as_matrix()
+    for walk in play.walks[who]:
+        (xy,), (heading,) = walk.footing(np.array([start]))
+    rotation = Rotation.from_euler("z", heading).as_matrix()
     middle = np.array([player.middle.real, player.middle.imag, 0.0])
 
     def rms(errors: list[np.ndarray]) -> float:
@@ -137,50 +141,57 @@ def test_the_limbs_follow_the_clip(
     for group in ("hands", "head"):
         parts = GROUPS[group]
         clip = [retargeted.places.parts[part] for part in parts]
-        there = [(path - middle) @ turn.T + [*xy, 0.0] for path in clip]
-        off = rms([seen[part] - path for part, path in zip(parts, there, strict=True)])
-        hung = rms(
+        wanted = [(path - middle) @ rotation.T + [*xy, 0.0] for path in clip]
+        error = rms([positions[part] - path for part, path in zip(parts, wanted, strict=True)])
+        pose_error = rms(
             [
                 retargeted.hanging_positions[part] - path
                 for part, path in zip(parts, clip, strict=True)
             ]
         )
-        assert off - hung < most, group
+        assert error - pose_error < max_excess, group
         if who == "columbine":  # as where the gesture was computed
-            (alone,) = [row.excess for row in made.report if row.name == group]
-            assert off - hung == pytest.approx(alone, abs=3e-3)
+            (expected_excess,) = [row.excess for row in clip_motion.report if row.name == group]
+            assert error - pose_error == pytest.approx(expected_excess, abs=3e-3)
     path = retargeted.places.parts["hand_right"]
     assert rms([path - path[0]]) > 0.2  # a puppet at rest does not move it
 
 
-def test_a_clip_keeps_its_bounds_in_any_heading(made: ClipGesture):
+def test_a_clip_keeps_its_bounds_in_any_heading(clip_motion: ClipGesture):
     for angle in np.radians([0.0, 30.0, 45.0, 100.0]):
-        speed, acceleration = made.gesture.turned(float(angle)).peaks
-        assert np.max(speed) <= BOUNDS["speed"] * MAX_BOUND_SHARE
-        assert np.max(acceleration) <= BOUNDS["acceleration"] * MAX_BOUND_SHARE
-    offsets, rates = made.gesture.ends
+        speed, acceleration = clip_motion.gesture.turned(float(angle)).peaks
+        assert np.max(speed) <= BOUNDS["speed"] * MAX_PEAK_RATIO
+        assert np.max(acceleration) <= BOUNDS["acceleration"] * MAX_PEAK_RATIO
+    offsets, rates = clip_motion.gesture.ends
     assert np.max(np.abs(offsets)) < 1e-9
     assert np.max(np.abs(rates)) < 1e-9
-    assert made.crossings == ()
+    assert clip_motion.crossings == ()
 
 
 def test_turning_and_travel_are_left_out(marionette: fan.Marionette):
     """A clip of a person who turns and wanders equals one without these motions."""
     rng = np.random.default_rng(3)
-    moving = STANDS + 0.02 * rng.normal(size=(60, len(NAMES), 3))
-    head = Rotation.random(60, random_state=1).as_matrix()
+    positions = STANDS + 0.02 * rng.normal(size=(60, len(NAMES), 3))
+    head_rotations = Rotation.random(60, random_state=1).as_matrix()
     turns = _spin(np.cumsum(rng.normal(scale=0.3, size=60)))
-    way = np.cumsum(rng.normal(scale=0.1, size=(60, 1, 3)), axis=0) * [1.0, 1.0, 0.0]
-    turned = captured(np.einsum("tij,tkj->tki", turns, moving) + way, turns @ head)
-    figure, plain = figure_of(marionette, marionette.rest()), captured(moving, head)
-    joints = joints_of(find_mapping(plain.skeleton), plain.skeleton)
-    still, two = (place(figure, clip, joints, 0.0, turning=0.0) for clip in (plain, turned))
-    for part, path in still.parts.items():
-        np.testing.assert_allclose(two.parts[part], path, atol=1e-9)
+    travel = np.cumsum(rng.normal(scale=0.1, size=(60, 1, 3)), axis=0) * [1.0, 1.0, 0.0]
+    turned_clip = captured(
+        np.einsum("tij,tkj->tki", turns, positions) + travel, turns @ head_rotations
+    )
+    figure, plain_clip = (
+        figure_of(marionette, marionette.rest()),
+        captured(positions, head_rotations),
+    )
+    joints = joints_of(find_mapping(plain_clip.skeleton), plain_clip.skeleton)
+    plain_places, turned_places = (
+        place(figure, clip, joints, 0.0, turning=0.0) for clip in (plain_clip, turned_clip)
+    )
+    for part, path in plain_places.parts.items():
+        np.testing.assert_allclose(turned_places.parts[part], path, atol=1e-9)
     # All turning is kept by default, and half of it on demand.
-    spun = np.einsum("tij,kj->tki", _spin(0.05 * np.arange(60)), STANDS)
+    spun_positions = np.einsum("tij,kj->tki", _spin(0.05 * np.arange(60)), STANDS)
     for turning in (1.0, 0.5):
-        places = place(figure, captured(spun), joints, 0.0, turning=turning).parts
+        places = place(figure, captured(spun_positions), joints, 0.0, turning=turning).parts
         across = places["shoulder_left"] - places["shoulder_right"]
         angle = np.unwrap(np.arctan2(-across[:, 0], across[:, 1]))
         np.testing.assert_allclose(angle, turning * 0.05 * np.arange(60), atol=1e-9)
@@ -191,7 +202,7 @@ def _spin(angles: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize(
-    ("name", "change", "said"),
+    ("name", "change", "expected"),
     [
         ("none.bvh", None, "no file beside this one, and no bundled gesture or clip"),
         ("../up.bvh", None, "no file beside this one"),
@@ -202,12 +213,12 @@ def _spin(angles: np.ndarray) -> np.ndarray:
     ],
 )
 def test_mistakes_of_clips_are_reported_at_their_cue(
-    plays: Plays, short: Path, name: str, change: tuple[str, str] | None, said: str
+    plays: Plays, short: Path, name: str, change: tuple[str, str] | None, expected: str
 ):
     if change is not None:
         short.write_text(short.read_text().replace(*change))
     (message,) = checked_messages(plays, f"{{who: pierrot, does: {name}}}")
-    assert said in message
+    assert expected in message
 
 
 def test_joints_that_are_not_found_ask_for_a_mapping_file_beside_the_clip(
@@ -224,7 +235,7 @@ def test_doubtful_joints_of_a_clip_are_a_warning(plays: Plays, short: Path):
     """The clip's left is its right; a mapping file beside it would decide."""
     text = short.read_text().replace("Left", "L-").replace("Right", "Left").replace("L-", "Right")
     short.write_text(text.replace("LeftForeArm", "LeftElbow"))
-    path = plays.written(
+    path = plays.write(
         "acts:\n  - act: one\n    cues:\n      - {who: pierrot, does: clips/up.bvh}\n"
     )
     with pytest.warns(UserWarning, match="up: doubtful: the toes point backwards"):
@@ -234,22 +245,20 @@ def test_doubtful_joints_of_a_clip_are_a_warning(plays: Plays, short: Path):
 def test_a_player_without_a_persons_bodies_is_reported(plays: Plays, short: Path):
     head = HEAD.replace("{at: west}", "{at: west, puppet: bob.yaml}")
     (plays.folder / "bob.yaml").write_text(BALL)
-    path = plays.written(
+    path = plays.write(
         "acts:\n  - act: one\n    cues:\n      - {who: pierrot, does: clips/up.bvh}\n", head
     )
     with pytest.raises(fan.errors.FileError, match="has no body 'torso', the trunk of a person"):
         check_play(path)
 
 
-def test_a_mapping_file_beside_a_clip_is_its_own(plays: Plays, short: Path):
+def test_a_mapping_file_beside_a_clip_is_used_for_it(plays: Plays, short: Path):
     short.write_text(short.read_text().replace("LeftForeArm", "Elbow"))
     joints = {**fan.theatre.retarget.load_mapping("motionbuilder").joints, "elbow_left": "Elbow"}
     lines = "".join(f"  {part}: {joint}\n" for part, joint in joints.items())
     short.with_suffix(".yaml").write_text(f"mapping: mine\njoints:\n{lines}")
     check_play(
-        plays.written(
-            "acts:\n  - act: one\n    cues:\n      - {who: pierrot, does: clips/up.bvh}\n"
-        )
+        plays.write("acts:\n  - act: one\n    cues:\n      - {who: pierrot, does: clips/up.bvh}\n")
     )
 
 
@@ -257,27 +266,27 @@ def test_a_check_simulates_nothing_and_a_change_keeps_the_clip(
     plays: Plays, short: Path, monkeypatch: pytest.MonkeyPatch
 ):
     cues = "{who: pierrot, does: clips/up.bvh}\n{who: columbine, does: nod}"
-    first = plays.compiled(cues, on_disk=True)
-    again = plays.compiled(cues)
+    first = plays.compile(cues, on_disk=True)
+    recompiled = plays.compile(cues)
     for name, motion in first.motions.items():
-        assert np.array_equal(motion.coef, again.motions[name].coef)
+        assert np.array_equal(motion.coef, recompiled.motions[name].coef)
 
     def refuse(*_: object, **__: object) -> None:
         raise AssertionError("a clip is made again")
 
     monkeypatch.setattr(clips, "clip_gesture", refuse)
     for options in ({"before": first}, {"on_disk": True}):
-        changed = plays.compiled(cues.replace("nod", "bow"), **options)
+        changed = plays.compile(cues.replace("nod", "bow"), **options)
         motions = changed.motions["pierrot"], first.motions["pierrot"]
         assert np.array_equal(motions[0].coef[:20], motions[1].coef[:20])
     check_play(plays.folder / "trial.yaml")
     short.write_text(short.read_text() + "\n")  # another file with equal content
     with pytest.raises(AssertionError, match="made again"):
-        plays.compiled(cues, before=first)
+        plays.compile(cues, before=first)
 
 
 def test_clips_take_the_options_of_gestures(plays: Plays, short: Path):
-    play = plays.compiled(
+    play = plays.compile(
         "{who: pierrot, does: clips/up.bvh, lasts: 9, mirrored: true}\n"
         "{who: columbine, does: clips/up.bvh, larger: 1.05, repeat: 2, when: 0}"
     )
@@ -288,32 +297,32 @@ def test_clips_take_the_options_of_gestures(plays: Plays, short: Path):
     assert first["end"] - first["start"] == pytest.approx(9 * 0.6, abs=1e-9)
     assert {"begins", "over", "begins 2", "over 2"} <= {*second}
     for speed, _, acceleration, _ in verification.peaks.values():
-        assert speed <= BOUNDS["speed"] * MAX_BOUND_SHARE
-        assert acceleration <= BOUNDS["acceleration"] * MAX_BOUND_SHARE
+        assert speed <= BOUNDS["speed"] * MAX_PEAK_RATIO
+        assert acceleration <= BOUNDS["acceleration"] * MAX_PEAK_RATIO
     # The other arm goes up.
-    rise = {
+    mirrored_motion = {
         name: np.ptp(verification.run[f"{name}.length"])
         for name in ("pierrot.hand_left", "pierrot.hand_right")
     }
-    plain = {
+    plain_motion = {
         name: np.ptp(verification.run[f"{name}.length"])
         for name in ("columbine.hand_left", "columbine.hand_right")
     }
-    assert (rise["pierrot.hand_left"] > rise["pierrot.hand_right"]) != (
-        plain["columbine.hand_left"] > plain["columbine.hand_right"]
+    assert (mirrored_motion["pierrot.hand_left"] > mirrored_motion["pierrot.hand_right"]) != (
+        plain_motion["columbine.hand_left"] > plain_motion["columbine.hand_right"]
     )
 
 
 def test_a_clip_that_is_too_fast_is_refused_with_a_remedy(plays: Plays, short: Path):
-    slow = HEAD.replace("stage:\n", "stage:\n  speed: 0.2\n  acceleration: 1\n")
+    slow_stage = HEAD.replace("stage:\n", "stage:\n  speed: 0.2\n  acceleration: 1\n")
     cue = f"{{who: pierrot, does: clips/{short.name}, faster: 2}}"
-    play = fan.load_play(plays.written(f"acts:\n  - {{act: one, cues: [{cue}]}}\n", slow))
+    play = fan.load_play(plays.write(f"acts:\n  - {{act: one, cues: [{cue}]}}\n", slow_stage))
     (refused,) = [cue.refused for cue in play.cues]
     match = re.search(r"the hands would be \d+ % of the puppet's height farther", refused)
-    can = re.search(r"with `faster: ([\d.]+)` it can be done$", refused)
+    remedy = re.search(r"with `faster: ([\d.]+)` it can be done$", refused)
     assert match, refused
-    assert can, refused
-    assert 1.0 <= float(can[1]) < 2.0
+    assert remedy, refused
+    assert 1.0 <= float(remedy[1]) < 2.0
 
 
 def test_no_clip_has_the_name_of_a_gesture():

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.theatre.cast.companies import Company, Meeting, Span, spans
+from fantoccini.theatre.cast.companies import Company, Meeting, Span, company_spans
 from fantoccini.theatre.cast.contacts import ContactBodies, hanging_pair
-from fantoccini.theatre.plays.handled import failures
-from fantoccini.theatre.plays.stage_run import together
+from fantoccini.theatre.plays.failures import find_failures
+from fantoccini.theatre.plays.stage_run import combine_runs
 
 pytestmark = [pytest.mark.slow, pytest.mark.long]
 
@@ -43,7 +43,9 @@ def meeting(begin: float, end: float, players: str, props: str = "p") -> Meeting
 
 
 def test_companies_are_players_connected_by_meetings():
-    companies = spans("abc", [meeting(0, 4, "a"), meeting(4, 6, "ab"), meeting(6, 9, "b")], 9.0)
+    companies = company_spans(
+        "abc", [meeting(0, 4, "a"), meeting(4, 6, "ab"), meeting(6, 9, "b")], 9.0
+    )
     assert companies == (
         Span(Company(("a",), ("p",), meeting(0, 4, "a").pairs), 0.0, 4.0),
         Span(Company(("b",)), 0.0, 4.0),
@@ -57,26 +59,26 @@ def test_companies_are_players_connected_by_meetings():
 @pytest.mark.parametrize("seed", range(20))
 def test_at_every_time_each_player_and_prop_is_in_one_company(seed):
     rng = np.random.default_rng(seed)
-    players, met = "abcd", []
+    players, meetings = "abcd", []
     for prop in "pq":
         t = 0.0
         while t < 8.0:
             end = t + rng.uniform(0.5, 3.0)
             who = "".join(sorted(rng.choice(list(players), rng.integers(1, 3), replace=False)))
-            met.append(meeting(t, end, who, prop))
+            meetings.append(meeting(t, end, who, prop))
             t = end + rng.choice([0.0, 1.0])
-    companies = spans(players, met, 8.0)
+    companies = company_spans(players, meetings, 8.0)
     for t in rng.uniform(0.0, 8.0, 30):
-        now = [company.company for company in companies if company.begin <= t < company.end]
-        assert sorted(name for company in now for name in company.players) == list(players)
-        of_prop = [name for company in now for name in company.props]
-        assert len(of_prop) == len(set(of_prop))
-        for encounter in met:
-            if encounter.begin <= t < encounter.end:
-                (company,) = [c for c in now if encounter.props[0] in c.props]
-                assert {*encounter.players} <= {
+        present = [company.company for company in companies if company.begin <= t < company.end]
+        assert sorted(name for company in present for name in company.players) == list(players)
+        present_props = [name for company in present for name in company.props]
+        assert len(present_props) == len(set(present_props))
+        for present_meeting in meetings:
+            if present_meeting.begin <= t < present_meeting.end:
+                (company,) = [c for c in present if present_meeting.props[0] in c.props]
+                assert {*present_meeting.players} <= {
                     *company.players
-                } and encounter.pairs <= company.pairs
+                } and present_meeting.pairs <= company.pairs
     assert [company.begin for company in companies] == sorted(
         company.begin for company in companies
     )
@@ -93,15 +95,13 @@ def test_a_ball_is_given_in_a_play(gift):
     assert gift, gift.changes
     give, wave = gift.cues
     assert give.who == ("pierrot", "columbine")
-    assert give.what == "pierrot: gives ball to columbine"
+    assert give.description == "pierrot: gives ball to columbine"
     marks = {**give.marks["pierrot"], **give.marks["columbine"]}
     assert marks["offered"] < marks["under"] < marks["taken"] < marks["released"]
     assert wave.start == pytest.approx(marks["taken"] + 20 * gift.score.beat, abs=0.1)
     kinds = [
-        (meeting_of_play.kind, meeting_of_play.players)
-        for meeting_of_play in sorted(
-            gift.meetings, key=lambda meeting_of_play: meeting_of_play.begin
-        )
+        (play_meeting.kind, play_meeting.players)
+        for play_meeting in sorted(gift.meetings, key=lambda play_meeting: play_meeting.begin)
     ]
     assert kinds == [
         ("hangs", ("pierrot",)),
@@ -110,13 +110,13 @@ def test_a_ball_is_given_in_a_play(gift):
     ]
     verification = fan.theatre.verify_play(gift)
     assert verification, verification.faults
-    pushed = {
+    touching_pairs = {
         frozenset(names)
         for names in np.array(verification.run.contact.names)[
             np.unique(verification.run.contact.pair)
         ].tolist()
     }
-    assert pushed == {
+    assert touching_pairs == {
         frozenset(("ball", "pierrot.forearm_right")),
         frozenset(("ball", "columbine.forearm_left")),
     }
@@ -125,26 +125,26 @@ def test_a_ball_is_given_in_a_play(gift):
 def test_the_run_of_the_stage_is_that_of_its_companies(gift):
     """Energies and places are continuous between companies."""
     runs = gift.runs()
-    whole = together(gift.cast, runs)
+    stage_run = combine_runs(gift.cast, runs)
     for company in runs.companies:
-        if "ball" not in company.staged.props:
+        if "ball" not in company.scene.props:
             continue
-        local = company.staged.props["ball"]
+        scene_name = company.scene.props["ball"]
         t = np.linspace(company.begin, company.end, 7)[1:-1]
-        own = company.whole.resample(t - company.begin)
+        company_samples = company.trajectory.resample(t - company.begin)
         for axis in "xyz":
-            assert whole.resample(t)[f"ball.{axis}"] == pytest.approx(
-                own[f"{local}.{axis}"], abs=2e-4
+            assert stage_run.resample(t)[f"ball.{axis}"] == pytest.approx(
+                company_samples[f"{scene_name}.{axis}"], abs=2e-4
             )
-    steps = np.abs(np.diff(whole["ball.z"]))
-    assert steps.max() < 0.005  # no jumps
-    assert not failures(gift.cast, gift.meetings, runs)
+    height_steps = np.abs(np.diff(stage_run["ball.z"]))
+    assert height_steps.max() < 0.005  # no jumps
+    assert not find_failures(gift.cast, gift.meetings, runs)
     # Energy gained = work done - losses in contact, strings and air.
-    ledger = whole.ledger
+    ledger = stage_run.ledger
     energy = ledger["kinetic"] + ledger["potential"]
-    taken = ledger["damping"] + ledger["impact"] + ledger["slip"] + ledger["friction"]
-    off = energy - energy[0] + taken - ledger["work"]
-    assert np.abs(off).max() < 0.05
+    losses = ledger["damping"] + ledger["impact"] + ledger["slip"] + ledger["friction"]
+    energy_error = energy - energy[0] + losses - ledger["work"]
+    assert np.abs(energy_error).max() < 0.05
 
 
 @pytest.mark.parametrize(
@@ -199,9 +199,9 @@ def test_a_player_without_a_prop_cannot_give_it(tmp_path):
             "who: pierrot, gives: ball, to: columbine", "who: columbine, gives: ball, to: pierrot"
         )
     )
-    why, *_ = fan.load_play(path).changes
-    assert "gift.yaml:16" in str(why)
-    assert "columbine does not hold ball: pierrot holds it" in str(why)
+    change, *_ = fan.load_play(path).changes
+    assert "gift.yaml:16" in str(change)
+    assert "columbine does not hold ball: pierrot holds it" in str(change)
 
 
 def test_a_ball_is_given_live(gift):
@@ -210,6 +210,6 @@ def test_a_ball_is_given_live(gift):
     show.go()
     while not show.done:
         x = show.advance(0.5)
-    ball, arm = (gift.marionette.pose(x, name)[:3, 3] for name in ("ball", "columbine.torso"))
-    assert np.linalg.norm((ball - arm)[:2]) < 0.25
+    ball, torso = (gift.marionette.pose(x, name)[:3, 3] for name in ("ball", "columbine.torso"))
+    assert np.linalg.norm((ball - torso)[:2]) < 0.25
     assert ball[2] > 0.15  # it hangs

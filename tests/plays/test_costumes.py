@@ -20,7 +20,9 @@ def test_players_of_one_file_wear_other_colours_on_the_stage(tmp_path):
     text = text.replace("at: here}", f'at: here, colours: {{"{RED}": "{GREEN}"}}}}')
     path.write_text(text.replace("at: there}", f'at: there, colours: {{ball: "{BLUE}"}}}}'))
     players = read_play(path, ResultCache()).cast
-    of_body = {body.name: body.shapes[0].colour for body in players.whole.puppet.expanded().bodies}
+    of_body = {
+        body.name: body.shapes[0].colour for body in players.marionette.puppet.expanded().bodies
+    }
     assert of_body == {"one.ball": GREEN, "two.ball": BLUE}
     # Each is alone as the file has it, and both are compiled once.
     first, second = players.players.values()

@@ -47,9 +47,9 @@ def on_a_chair() -> fan.Marionette:
 def test_hans_sits_upright_and_his_head_stays_before_the_string_of_his_pelvis():
     stage = on_a_chair()
     x0 = stage.rest()
-    sits = sit(stage, "", "chair", CHAIR["seat"], start=x0)
-    assert sits.back == pytest.approx(BACK, abs=1e-6)
-    motion = sits.down.then(sits.down.rest(stage, 1.5, everything=False), sits.up)
+    sitting = sit(stage, "", "chair", CHAIR["seat"], start=x0)
+    assert sitting.back == pytest.approx(BACK, abs=1e-6)
+    motion = sitting.down.then(sitting.down.rest(stage, 1.5, everything=False), sitting.up)
     method = fan.TimeStepping(dt=1e-3)
     run = fan.simulate(
         stage, x0, motion.inputs(x0), t_end=motion.duration + 1.0, method=method, save_every=10
@@ -57,7 +57,7 @@ def test_hans_sits_upright_and_his_head_stays_before_the_string_of_his_pelvis():
     assert run.status is fan.Status.DONE
     poses = stage.poses(run.q_D, run.q_K)
 
-    def along(name: str) -> np.ndarray:
+    def points_along(name: str) -> np.ndarray:
         """(T, 60, 3) points along a string [m]."""
         row = next(row for row in stage.tree.strings if row.name == name)
         first, last = (
@@ -67,17 +67,17 @@ def test_hans_sits_upright_and_his_head_stays_before_the_string_of_his_pelvis():
         )
         return first[:, None] + np.linspace(0.0, 1.0, 60)[:, None] * (last - first)[:, None]
 
-    crown, seat = along("crown"), along("seat")
+    crown, seat = points_along("crown"), points_along("seat")
     gaps = np.linalg.norm(crown[:, :, None] - seat[:, None], axis=3)
     assert gaps.min() > 0.015
     k = int(np.searchsorted(run.t, 5.0))
     for body in ("chest", "pelvis"):
         assert poses[k, stage.link_index(body)][2, 2] > np.cos(np.radians(35.0))
     floor = run.contact.of("chair", "floor")
-    bears = np.zeros(len(run))
-    np.add.at(bears, floor.sample, np.abs(floor.force[:, 2]))
+    chair_force = np.zeros(len(run))
+    np.add.at(chair_force, floor.sample, np.abs(floor.force[:, 2]))
     mass = sum(shape["mass"] for shape in CHAIR["shapes"])
-    share = (bears - mass * 9.81) / (stage.weight - mass * 9.81)
-    seated, stands = (run.t > 4.5) & (run.t < 5.4), run.t > motion.duration
-    assert share[seated].min() > 0.2
-    assert abs(share[stands].mean()) < 0.05
+    weight_share = (chair_force - mass * 9.81) / (stage.weight - mass * 9.81)
+    is_seated, is_standing = (run.t > 4.5) & (run.t < 5.4), run.t > motion.duration
+    assert weight_share[is_seated].min() > 0.2
+    assert abs(weight_share[is_standing].mean()) < 0.05

@@ -27,11 +27,11 @@ def leash(length: float | str) -> str:
 
 def distance(play: fan.theatre.Play, run: fan.Trajectory) -> np.ndarray:
     """(T,) distance of his hand and her neck, from poses of bodies and the file's points [m]."""
-    m = play.marionette
-    poses = m.poses(run.q_D, run.q_K)
-    arm = poses[:, m.link_index("pierrot.forearm_left")]
+    marionette = play.marionette
+    poses = marionette.poses(run.q_D, run.q_K)
+    arm = poses[:, marionette.link_index("pierrot.forearm_left")]
     hand = np.array(play.cast.players["pierrot"].marionette.body_map.parts["arm_left"].end)
-    neck = poses[:, m.link_index("columbine.skull"), :, 3]
+    neck = poses[:, marionette.link_index("columbine.skull"), :, 3]
     return np.linalg.norm(arm[:, :, :3] @ hand + arm[:, :, 3] - neck, axis=1)
 
 
@@ -45,7 +45,7 @@ def _walk(tmp_path_factory):
 
 def test_a_long_leash_stays_slack_and_is_drawn(walk):
     plays, cues = walk
-    play = fan.load_play(plays.written(leash(1.6) + ACT + cues, NEARBY))
+    play = fan.load_play(plays.write(leash(1.6) + ACT + cues, NEARBY))
     assert play.changes == ()
     verification = fan.theatre.verify_play(play)
     assert verification, verification.faults
@@ -54,26 +54,30 @@ def test_a_long_leash_stays_slack_and_is_drawn(walk):
     assert not run.taut["lead"].any()
     geometry = geometry_of(play.marionette, run.resample(run.t[::400]))
     (k,) = (i for i, name in enumerate(geometry.names) if name == "lead")
-    curve = geometry.string_curves(2)[k].points
-    ends = curve[[0, -1]]
-    assert np.linalg.norm(ends[1] - ends[0]) == pytest.approx(distance(play, run)[800], abs=1e-6)
-    assert 0.0 <= curve[:, 2].min() < ends[:, 2].min() - 0.05  # it hangs, or lies on the floor
+    points = geometry.string_curves(2)[k].points
+    end_points = points[[0, -1]]
+    assert np.linalg.norm(end_points[1] - end_points[0]) == pytest.approx(
+        distance(play, run)[800], abs=1e-6
+    )
+    assert (
+        0.0 <= points[:, 2].min() < end_points[:, 2].min() - 0.05
+    )  # it hangs, or lies on the floor
     layout = layout_of(geometry, Viewport(0, 0, 300, 300), PictureOptions.of(look="stage"))
     assert len({tuple(line.colour) for line in lines(geometry, 2, layout)}) == 2
 
 
 def test_a_cue_that_would_stretch_a_leash_is_refused_with_the_length_it_needs(walk):
     plays, cues = walk
-    play = fan.load_play(plays.written(leash("70 cm") + ACT + cues, NEARBY))
+    play = fan.load_play(plays.write(leash("70 cm") + ACT + cues, NEARBY))
     (change,) = play.changes
     assert "columbine: walks to [0.5, -0.6] cannot be done: lead, 0.7 m long, would" in str(change)
     assert str(change).split(":")[1] == str(play.cues[1].line)
-    run = fan.theatre.verify_play(play)
-    assert run, run.faults
+    verification = fan.theatre.verify_play(play)
+    assert verification, verification.faults
     needed = float(str(change).split("needs to be ")[1].split(" m")[0])
-    longer = fan.load_play(plays.written(leash(needed) + ACT + cues, NEARBY), before=play)
+    longer = fan.load_play(plays.write(leash(needed) + ACT + cues, NEARBY), before=play)
     assert longer.changes == ()
-    shorter = fan.load_play(plays.written(leash(needed - 0.05) + ACT + cues, NEARBY), before=play)
+    shorter = fan.load_play(plays.write(leash(needed - 0.05) + ACT + cues, NEARBY), before=play)
     assert len(shorter.changes) == 1
 
 
@@ -83,7 +87,7 @@ def test_the_walk_is_refused_and_not_the_wave_of_the_player_who_stays(walk):
         "      - {who: columbine, walks to: [0.5, -0.6], when: 0.5}\n"
         "      - {who: pierrot, does: nod, when: 1}\n"
     )
-    play = fan.load_play(plays.written(leash(0.7) + ACT + cues, NEARBY))
+    play = fan.load_play(plays.write(leash(0.7) + ACT + cues, NEARBY))
     (change,) = play.changes
     assert "columbine: walks to [0.5, -0.6] cannot be done: lead, 0.7 m long" in str(change)
 
@@ -92,11 +96,11 @@ def test_the_length_that_a_refusal_at_the_start_gives_suffices(walk):
     plays, _ = walk
     cues = "      - {who: columbine, does: nod}\n"
     with pytest.raises(fan.errors.FileError) as caught:
-        fan.load_play(plays.written(leash(0.2) + ACT + cues, NEARBY))
+        fan.load_play(plays.write(leash(0.2) + ACT + cues, NEARBY))
     needed = float(str(caught.value).split("at the start: ")[1].split(" m")[0])
     with pytest.raises(fan.errors.FileError, match="needed at the start"):
-        fan.load_play(plays.written(leash(needed - 0.01) + ACT + cues, NEARBY))
-    stage = plays.written(leash(needed) + ACT + cues, NEARBY)
+        fan.load_play(plays.write(leash(needed - 0.01) + ACT + cues, NEARBY))
+    stage = plays.write(leash(needed) + ACT + cues, NEARBY)
     assert check_play(stage).leashes["lead"].length == needed
 
 
@@ -113,7 +117,7 @@ def test_the_length_that_a_refusal_at_the_start_gives_suffices(walk):
 def test_a_wrong_leash_is_reported(walk, given, text):
     plays, cues = walk
     with pytest.raises(fan.errors.FileError, match=text):
-        fan.load_play(plays.written(given + ACT + cues, NEARBY))
+        fan.load_play(plays.write(given + ACT + cues, NEARBY))
 
 
 def test_a_leash_needs_a_hand_and_a_head(tmp_path):
@@ -122,7 +126,7 @@ def test_a_leash_needs_a_hand_and_a_head(tmp_path):
         check_play(path)
 
 
-def test_its_length_may_have_a_unit(tmp_path):
+def test_the_length_of_a_leash_may_have_a_unit(tmp_path):
     path = tmp_path / "play.yaml"
     path.write_text(NEARBY + leash("160 cm") + ACT + "      - {who: pierrot, does: nod}\n")
     assert check_play(path).leashes["lead"].length == 1.6

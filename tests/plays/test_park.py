@@ -16,14 +16,14 @@ PARK = Path(plays.__file__).parent / "repertory" / "park.yaml"
 DATA = YAML(typ="safe").load(PARK.read_text(encoding="utf-8"))
 
 
-def test_it_has_a_dog_on_a_leash_a_bird_and_two_persons_of_different_files():
+def test_the_park_has_a_dog_on_a_leash_a_bird_and_two_persons_of_different_files():
     puppets = [player.get("puppet", "marionette") for player in DATA["cast"].values()]
     assert sorted(puppets) == ["dachshund", "hans", "heron", "marionette"]
     assert DATA["leashes"]["lead"]["to"] == "dog"
     assert sum(len(act["cues"]) for act in DATA["acts"]) == 25
 
 
-def test_it_names_no_body_and_no_string():
+def test_the_park_names_no_body_and_no_string():
     words = set(re.findall(r"[a-z_]+", PARK.read_text(encoding="utf-8")))
     for player in DATA["cast"].values():
         puppet = load(bundled(player.get("puppet", "marionette"))).expanded()
@@ -32,7 +32,7 @@ def test_it_names_no_body_and_no_string():
 
 @pytest.mark.slow
 @pytest.mark.long
-def test_all_its_cues_can_be_done_and_its_run_holds():
+def test_all_cues_of_the_park_can_be_done_and_its_run_is_verified():
     play = fan.load_play("park")
     assert play, play.changes
     assert len(play.cues) == 25 and not any(cue.refused for cue in play.cues)

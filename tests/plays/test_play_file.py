@@ -17,7 +17,7 @@ ACT = "acts:\n  - act: one\n    cues:\n      - {cue}\n"
 
 def checked_messages(plays: Plays, cue: str, head: str = HEAD) -> list[str]:
     """Messages for the mistakes in a cue; each must name the cue's line."""
-    path = plays.written(ACT.format(cue=cue), head)
+    path = plays.write(ACT.format(cue=cue), head)
     with pytest.raises(fan.errors.FileError) as caught:
         fan.load_play(path)
     line = read_file(path).lines["acts", 0, "cues", 0]
@@ -73,14 +73,14 @@ def test_a_wrong_cue_is_reported_at_its_line(plays: Plays, cue: str, expected: s
     ],
 )
 def test_a_wrong_stage_or_cast_is_reported(plays: Plays, before: str, after: str, expected: str):
-    path = plays.written(ACT.format(cue="{who: all, does: nod}"), HEAD.replace(before, after))
+    path = plays.write(ACT.format(cue="{who: all, does: nod}"), HEAD.replace(before, after))
     with pytest.raises(fan.errors.FileError, match=expected.replace("?", r"\?")):
         fan.load_play(path)
 
 
 def test_keys_may_be_written_with_a_space_or_an_underline(plays: Plays):
     for key in ("walks to", "walks_to"):
-        path = plays.written(ACT.format(cue=f"{{who: nobody, {key}: centre}}"))
+        path = plays.write(ACT.format(cue=f"{{who: nobody, {key}: centre}}"))
         with pytest.raises(fan.errors.FileError, match="no player is called 'nobody'"):
             fan.load_play(path)
 
@@ -88,10 +88,10 @@ def test_keys_may_be_written_with_a_space_or_an_underline(plays: Plays):
 def test_the_schema_accepts_valid_plays_and_refuses_two_verbs(plays: Plays):
     schema = fan.theatre.play_schema()
     jsonschema.Draft202012Validator.check_schema(schema)
-    good = read_file(plays.written(ACT.format(cue="{who: all, walks to: centre, near: 40 cm}")))
+    good = read_file(plays.write(ACT.format(cue="{who: all, walks to: centre, near: 40 cm}")))
     jsonschema.validate(good.data, schema)
     assert is_play(good.file)
-    bad = read_file(plays.written(ACT.format(cue="{who: all, does: nod, walks to: centre}")))
+    bad = read_file(plays.write(ACT.format(cue="{who: all, does: nod, walks to: centre}")))
     with pytest.raises(jsonschema.ValidationError):
         jsonschema.validate(bad.data, schema)
 
@@ -105,7 +105,7 @@ acts:
       - {who: columbine, does: nod, when: wave.end}
 """
     with pytest.raises(fan.errors.FileError, match="waits for itself, by way of"):
-        fan.load_play(plays.written(acts))
+        fan.load_play(plays.write(acts))
 
 
 def test_a_time_of_a_later_act_is_refused(plays: Plays):
@@ -117,7 +117,7 @@ acts:
     cues: [{who: columbine, does: nod}]
 """
     with pytest.raises(fan.errors.FileError, match="a cue of a later act"):
-        fan.load_play(plays.written(acts))
+        fan.load_play(plays.write(acts))
 
 
 def test_acts_have_names_of_their_own_and_nobody_enters_twice(plays: Plays):
@@ -129,7 +129,7 @@ acts:
     cues: [{who: pierrot, enters to: west}]
 """
     with pytest.raises(fan.errors.FileError, match="another act is called 'one'"):
-        fan.load_play(plays.written(acts))
+        fan.load_play(plays.write(acts))
     first, second = acts.rsplit("act: one", 1)
     with pytest.raises(fan.errors.FileError, match="on the stage already"):
-        fan.load_play(plays.written(f"{first}act: two{second}"))
+        fan.load_play(plays.write(f"{first}act: two{second}"))

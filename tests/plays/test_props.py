@@ -20,18 +20,18 @@ from fantoccini.theatre.plays.sitting import sit
 
 pytestmark = [pytest.mark.slow, pytest.mark.own_puppets, pytest.mark.long]
 
-RAISED = 0.02
+FEET_HEIGHT = 0.02
 """Height of the feet above the floor: event-driven runs have many events just above it [m]."""
-RULES = {"friction": 0.6, "meets": ["floor", "obstacles", "props"]}
+CONTACT_RULES = {"friction": 0.6, "meets": ["floor", "obstacles", "props"]}
 STRING_LENGTHS = {"head": 0.6225, "shoulder": 0.7658, "hand": 0.9154, "knee": 1.0609}
-METHOD = fan.TimeStepping(dt=1e-3)
+TIME_STEPPING = fan.TimeStepping(dt=1e-3)
 
 
 def puppet(name: str, x: float, y: float, heading: float) -> dict:
-    pose = {"torso.z": 0.345 + RAISED, "head.length": STRING_LENGTHS["head"] - RAISED}
+    pose = {"torso.z": 0.345 + FEET_HEIGHT, "head.length": STRING_LENGTHS["head"] - FEET_HEIGHT}
     for side in ("left", "right"):
         for string in ("shoulder", "hand", "knee"):
-            pose[f"{string}_{side}.length"] = STRING_LENGTHS[string] - RAISED
+            pose[f"{string}_{side}.length"] = STRING_LENGTHS[string] - FEET_HEIGHT
     return {
         "name": name,
         "puppet": "marionette",
@@ -65,26 +65,28 @@ def prop(kind: str, x: float, y: float, z: float, heading: float) -> dict:
     }
 
 
-def hung_prop(kind: str, x: float, y: float, heading: float, side: str, off: float = 0.0) -> dict:
+def hanging_prop(
+    kind: str, x: float, y: float, heading: float, side: str, shift: float = 0.0
+) -> dict:
     """A prop on the forearm of a puppet standing there."""
     forward, left, up = prop_gestures.handle_place(fan.puppets.marionette(), side=side)
-    up += RAISED
-    place = world_place(x, y, heading, forward + off, left)
-    return prop(kind, *place, up - 0.35 * off - PROP_DATA[kind]["handle"], heading)
+    up += FEET_HEIGHT
+    place = world_place(x, y, heading, forward + shift, left)
+    return prop(kind, *place, up - 0.35 * shift - PROP_DATA[kind]["handle"], heading)
 
 
-def stage(puppets: list, things: list, obstacles=(), pairs=()) -> fan.Marionette:
-    free = [{"between": [actor["name"], "floor"], "meet": False} for actor in puppets]
-    for actor, thing in product(puppets, things):
-        if thing["name"] == "chair":
+def stage(puppets: list, prop_data: list, obstacles=(), pairs=()) -> fan.Marionette:
+    pair_rules = [{"between": [actor["name"], "floor"], "meet": False} for actor in puppets]
+    for actor, prop_entry in product(puppets, prop_data):
+        if prop_entry["name"] == "chair":
             continue
-        free.append({"between": [actor["name"], thing["name"]], "meet": False})
-        of = f"{actor['name']}." if len(puppets) > 1 else ""
-        free += [
-            {"between": [f"{of}forearm_{side}", thing["name"]], "friction": 0.6}
+        pair_rules.append({"between": [actor["name"], prop_entry["name"]], "meet": False})
+        prefix = f"{actor['name']}." if len(puppets) > 1 else ""
+        pair_rules += [
+            {"between": [f"{prefix}forearm_{side}", prop_entry["name"]], "friction": 0.6}
             for side in ("left", "right")
         ]
-    rules = RULES | {"pairs": [*free, *pairs]}
+    rules = CONTACT_RULES | {"pairs": [*pair_rules, *pairs]}
     return fan.Marionette(
         fan.Scene.model_validate(
             {
@@ -92,7 +94,7 @@ def stage(puppets: list, things: list, obstacles=(), pairs=()) -> fan.Marionette
                 "floor": 0,
                 "contact": rules,
                 "puppets": puppets,
-                "props": things,
+                "props": prop_data,
                 "obstacles": list(obstacles),
             }
         )
@@ -101,102 +103,123 @@ def stage(puppets: list, things: list, obstacles=(), pairs=()) -> fan.Marionette
 
 def contact_times(run, name: str) -> dict[str, tuple[float, float]]:
     """Other body -> first and last time of its contact with a body [s]."""
-    contacts: dict[str, tuple[float, float]] = {}
+    times: dict[str, tuple[float, float]] = {}
     contact = run.contact
     for pair, sample, force in zip(contact.pair, contact.sample, contact.force, strict=True):
         names = contact.names[pair]
         if name in names and np.linalg.norm(force) > 1e-6:
-            other = names[1 - names.index(name)]
-            first = contacts.get(other, (float(run.t[sample]),) * 2)[0]
-            contacts[other] = first, float(run.t[sample])
-    return contacts
+            other_body = names[1 - names.index(name)]
+            first_time = times.get(other_body, (float(run.t[sample]),) * 2)[0]
+            times[other_body] = first_time, float(run.t[sample])
+    return times
 
 
-def handle_in(scene, run, kind: str, body: str) -> np.ndarray:
+def handle_positions(scene, run, kind: str, body: str) -> np.ndarray:
     """(T, 3) place of a handle's middle in the frame of a forearm [m]."""
     poses = scene.poses(run.q_D, run.q_K)
-    thing, arm = (poses[:, scene.link_index(name)] for name in (kind, body))
-    place = thing[:, :, 3] + PROP_DATA[kind]["handle"] * thing[:, :, 2]
-    return np.einsum("tij,ti->tj", arm[:, :, :3], place - arm[:, :, 3])
+    prop_poses, arm_poses = (poses[:, scene.link_index(name)] for name in (kind, body))
+    places = prop_poses[:, :, 3] + PROP_DATA[kind]["handle"] * prop_poses[:, :, 2]
+    return np.einsum("tij,ti->tj", arm_poses[:, :, :3], places - arm_poses[:, :, 3])
 
 
 def least_distance(scene, run, kind: str, arms: tuple[str, ...]) -> float:
     """Least distance of a prop or a string from those of others [m]; none may cross."""
     links = [link.name for link in scene.tree.links]
     t, q_D, q_K = run.t[::2], run.q_D[::2], run.q_K[::2]
-    free = [frozenset((name, FLOOR)) for name in links] + [frozenset((kind, arm)) for arm in arms]
-    distances = [Clearance(scene, free=free).at(q_D, q_K).min()]
+    free_pairs = [frozenset((name, FLOOR)) for name in links] + [
+        frozenset((kind, arm)) for arm in arms
+    ]
+    distances = [Clearance(scene, free=free_pairs).at(q_D, q_K).min()]
     # Bodies of one puppet may touch each other, but not the prop.
-    own = [frozenset(pair) for pair in combinations([x for x in links if x != kind], 2)]
-    distances.append(Clearance(scene, free=[*free, *own]).at(q_D, q_K).min())
+    body_pairs = [frozenset(pair) for pair in combinations([x for x in links if x != kind], 2)]
+    distances.append(Clearance(scene, free=[*free_pairs, *body_pairs]).at(q_D, q_K).min())
     strings = StringsApart(scene).motion(q_D, q_K, t)
     assert not strings.crossings()
-    near = strings.nearest()
-    owner = [
+    approaches = strings.nearest()
+    with_owners = [
         (approach, approach.what.split(".")[0], approach.other.split(".")[0])
-        for approach in (*near.strings, *near.bodies)
+        for approach in (*approaches.strings, *approaches.bodies)
     ]
-    return min(*distances, *(approach.distance for approach, a, b in owner if a != b))
+    return min(
+        *distances,
+        *(
+            approach.distance
+            for approach, first_owner, second_owner in with_owners
+            if first_owner != second_owner
+        ),
+    )
 
 
-def handover_scene(kind: str, side: str, place: tuple[float, float, float], off: float = 0.0):
+def handover_scene(kind: str, side: str, place: tuple[float, float, float], shift: float = 0.0):
     """The scene, the pair of gestures and their sum."""
     sign = -1.0 if side == "right" else 1.0
-    along = 0.061 if off == 0.0 else 0.0595 + off
-    beside = world_place(*place, AHEAD + 0.986 * (along - 0.061), sign * RECEIVER)
-    puppets = [puppet("pierrot", *place), puppet("columbine", *beside, place[2])]
-    scene = stage(puppets, [hung_prop(kind, *place, side, off)])
-    pair = prop_gestures.give(scene, "pierrot", "columbine", kind, side=side, elbow_distance=along)
-    assert pair.place(*place) == pytest.approx((*beside, place[2]), abs=1e-3)
-    return scene, pair
+    elbow_distance = 0.061 if shift == 0.0 else 0.0595 + shift
+    receiver_place = world_place(
+        *place, RECEIVER_FORWARD + 0.986 * (elbow_distance - 0.061), sign * RECEIVER_ASIDE
+    )
+    puppets = [puppet("pierrot", *place), puppet("columbine", *receiver_place, place[2])]
+    scene = stage(puppets, [hanging_prop(kind, *place, side, shift)])
+    handover = prop_gestures.give(
+        scene, "pierrot", "columbine", kind, side=side, elbow_distance=elbow_distance
+    )
+    assert handover.place(*place) == pytest.approx((*receiver_place, place[2]), abs=1e-3)
+    return scene, handover
 
 
-RECEIVER, AHEAD = 0.4322, 0.0202
+RECEIVER_ASIDE, RECEIVER_FORWARD = 0.4322, 0.0202
 """Her place beside him, and in front of him [m]."""
 
 
 @pytest.mark.parametrize(
-    ("kind", "side", "place", "off"),
+    ("kind", "side", "place", "shift"),
     [
         ("ball", "right", (0.0, 0.0, 0.0), 0.0),
         ("ball", "right", (0.0, 0.0, 0.0), 0.01),
         ("basket", "left", (0.7, -0.4, 2.1), 0.0),
     ],
 )
-def test_a_prop_is_handed_over_and_no_string_passes_it(kind, side, place, off):
-    scene, pair = handover_scene(kind, side, place, off)
-    x0, both = scene.rest(), pair.giver + pair.receiver
-    run = fan.simulate(scene, x0, both.inputs(x0), t_end=16.0, method=METHOD, save_every=10)
+def test_a_prop_is_handed_over_and_no_string_passes_it(kind, side, place, shift):
+    scene, handover = handover_scene(kind, side, place, shift)
+    x0, gesture = scene.rest(), handover.giver + handover.receiver
+    run = fan.simulate(
+        scene, x0, gesture.inputs(x0), t_end=16.0, method=TIME_STEPPING, save_every=10
+    )
     assert run.status is fan.Status.DONE
-    other = {"left": "right", "right": "left"}[side]
-    his, hers = f"pierrot.forearm_{side}", f"columbine.forearm_{other}"
-    touched = contact_times(run, kind)
-    assert set(touched) == {his, hers} == {arm for arm, _ in pair.touching}
-    assert touched[his][0] == 0.0 and touched[his][1] < 9.0
-    assert touched[hers][0] > 2.0 and touched[hers][1] == run.t[-1]
-    where = handle_in(scene, run, kind, hers)
-    assert 0.03 < -where[-1, 2] < 0.088
-    assert np.ptp(where[run.t > 15.0], axis=0).max() < 0.002
+    receiver_side = {"left": "right", "right": "left"}[side]
+    giver_arm, receiver_arm = f"pierrot.forearm_{side}", f"columbine.forearm_{receiver_side}"
+    times = contact_times(run, kind)
+    assert set(times) == {giver_arm, receiver_arm} == {arm for arm, _ in handover.touching}
+    assert times[giver_arm][0] == 0.0 and times[giver_arm][1] < 9.0
+    assert times[receiver_arm][0] > 2.0 and times[receiver_arm][1] == run.t[-1]
+    positions = handle_positions(scene, run, kind, receiver_arm)
+    assert 0.03 < -positions[-1, 2] < 0.088
+    assert np.ptp(positions[run.t > 15.0], axis=0).max() < 0.002
     # A handle 1 cm nearer to the hand is nearer to its string as well.
-    assert least_distance(scene, run, kind, (his, hers)) > (0.005 if off == 0.0 else 0.004)
+    assert least_distance(scene, run, kind, (giver_arm, receiver_arm)) > (
+        0.005 if shift == 0.0 else 0.004
+    )
 
 
 @pytest.mark.parametrize(("kind", "side"), [("ball", "right"), ("basket", "left")])
 def test_a_prop_stays_on_the_forearm_in_a_walk(kind, side):
     place = (0.0, 0.0, 0.0)
-    scene = stage([puppet("pierrot", *place), OTHER_PUPPET], [hung_prop(kind, *place, side)])
+    scene = stage([puppet("pierrot", *place), OTHER_PUPPET], [hanging_prop(kind, *place, side)])
     x0 = scene.rest()
     pose = prop_gestures.carry(scene, "pierrot", side=side)
-    leg, turn = [Step(0.06)] * 12, [Step(0.0, np.pi / 6)] * 3
-    walk = pose.then(prop_gestures.steps_carrying(scene, pose, x0, "pierrot", [*leg, *turn, *leg]))
+    straight_steps, turning_steps = [Step(0.06)] * 12, [Step(0.0, np.pi / 6)] * 3
+    walk = pose.then(
+        prop_gestures.steps_carrying(
+            scene, pose, x0, "pierrot", [*straight_steps, *turning_steps, *straight_steps]
+        )
+    )
     run = fan.simulate(
-        scene, x0, walk.inputs(x0), t_end=walk.duration + 1.0, method=METHOD, save_every=10
+        scene, x0, walk.inputs(x0), t_end=walk.duration + 1.0, method=TIME_STEPPING, save_every=10
     )
     arm = f"pierrot.forearm_{side}"
     assert set(contact_times(run, kind)) == {arm}
-    along = -handle_in(scene, run, kind, arm)[:, 2]
-    assert along.min() > 0.03 and along.max() < 0.08
-    assert along[-1] == pytest.approx(
+    elbow_distance = -handle_positions(scene, run, kind, arm)[:, 2]
+    assert elbow_distance.min() > 0.03 and elbow_distance.max() < 0.08
+    assert elbow_distance[-1] == pytest.approx(
         prop_gestures.handle_distance(
             scene, run.state(len(run) - 1), "pierrot", kind, PROP_DATA[kind]["handle"], side=side
         )
@@ -227,19 +250,19 @@ def test_a_seat_bears_a_player_and_lets_her_stand_up():
         x0,
         down.then(down.rest(scene, 2.0, everything=False), up).inputs(x0),
         t_end=12.0,
-        method=METHOD,
+        method=TIME_STEPPING,
         save_every=10,
     )
     assert run.status is fan.Status.DONE
     floor = run.contact.of("chair", "floor")
-    bears = np.zeros(len(run))
-    np.add.at(bears, floor.sample, np.abs(floor.force[:, 2]))
-    own = 0.9 * 9.81
-    hers = (bears - own) / (scene.weight - own)
-    sits, stands = (run.t > 4.5) & (run.t < 5.9), run.t > 10.0
-    assert hers[sits].min() > 0.3 and hers[sits].max() < 0.95
+    chair_force = np.zeros(len(run))
+    np.add.at(chair_force, floor.sample, np.abs(floor.force[:, 2]))
+    chair_weight = 0.9 * 9.81
+    weight_share = (chair_force - chair_weight) / (scene.weight - chair_weight)
+    is_sitting, is_standing = (run.t > 4.5) & (run.t < 5.9), run.t > 10.0
+    assert weight_share[is_sitting].min() > 0.3 and weight_share[is_sitting].max() < 0.95
     # Her legs may still swing against the chair: in plays she steps away from it.
-    assert np.abs(hers[stands]).mean() < 0.02
+    assert np.abs(weight_share[is_standing]).mean() < 0.02
     assert set(contact_times(run, "chair")) - {"floor"} <= {body for body, _ in sitting.touching}
     torso = scene.poses(run.q_D, run.q_K)[:, scene.link_index("torso"), :, 3]
     assert np.linalg.norm(torso[-1] - torso[0]) < 0.04  # it swings
@@ -258,25 +281,29 @@ def test_a_basket_is_put_down():
     }
     scene = stage(
         [puppet("columbine", *place)],
-        [hung_prop("basket", *place, side)],
+        [hanging_prop("basket", *place, side)],
         [table],
         [{"between": ["table", "columbine"], "meet": False}],
     )
     x0 = scene.rest()
     pose = prop_gestures.carry(scene, "", side=side)
     pose = pose.then(pose.rest(scene, 1.0, everything=False))
-    carried = fan.simulate(scene, x0, pose.inputs(x0), t_end=2.5, method=METHOD)
+    carried = fan.simulate(scene, x0, pose.inputs(x0), t_end=2.5, method=TIME_STEPPING)
     start = carried.state(len(carried) - 1)
-    down = putting.put_down(scene, "", "basket", top, start=start, side=side)
-    whole = pose.then(down.gesture)
-    run = fan.simulate(scene, x0, whole.inputs(x0), t_end=22.0, method=METHOD, save_every=10)
+    put_down = putting.put_down(scene, "", "basket", top, start=start, side=side)
+    motion = pose.then(put_down.gesture)
+    run = fan.simulate(
+        scene, x0, motion.inputs(x0), t_end=22.0, method=TIME_STEPPING, save_every=10
+    )
     assert run.status is fan.Status.DONE
-    touched = contact_times(run, "basket")
-    where = np.stack([run[f"basket.{axis}"] for axis in "xyz"], axis=1)
+    times = contact_times(run, "basket")
+    positions = np.stack([run[f"basket.{axis}"] for axis in "xyz"], axis=1)
     c, s = np.cos(place[2]), np.sin(place[2])
-    own = (where[:, :2] - place[:2]) @ np.array([[c, -s], [s, c]])
-    stood = run.t > 14.5
-    assert np.ptp(where[stood], axis=0).max() < 1e-3
-    assert where[stood, 2].mean() == pytest.approx(top, abs=2e-3)
-    assert own[stood].mean(axis=0) == pytest.approx([down.forward, down.left], abs=0.01)
-    assert set(touched) == {"table", f"forearm_{side}"}
+    local_positions = (positions[:, :2] - place[:2]) @ np.array([[c, -s], [s, c]])
+    is_standing = run.t > 14.5
+    assert np.ptp(positions[is_standing], axis=0).max() < 1e-3
+    assert positions[is_standing, 2].mean() == pytest.approx(top, abs=2e-3)
+    assert local_positions[is_standing].mean(axis=0) == pytest.approx(
+        [put_down.forward, put_down.left], abs=0.01
+    )
+    assert set(times) == {"table", f"forearm_{side}"}

@@ -11,26 +11,26 @@ import fantoccini as fan
 from fantoccini.base.errors import FileError
 from fantoccini.model.puppet.bundled_files import bundled
 from fantoccini.theatre.plays import putting
-from fantoccini.theatre.plays.stage_run import together
+from fantoccini.theatre.plays.stage_run import combine_runs
 
 pytestmark = pytest.mark.slow
 
-DOWN = "      - {who: pierrot, puts down: PROP, onto: table}\n"
-UP = "      - {who: pierrot, picks up: PROP}\n"
-TOP = 0.2
+PUT_DOWN_CUE = "      - {who: pierrot, puts down: PROP, onto: table}\n"
+PICK_UP_CUE = "      - {who: pierrot, picks up: PROP}\n"
+TABLE_HEIGHT = 0.2
 """Height of a suitable table [m]."""
 
 
-def puppet() -> fan.Marionette:
+def load_marionette() -> fan.Marionette:
     return fan.load(bundled("marionette"))
 
 
-def write(
+def write_play_with_table(
     folder: Path,
     cues: str,
     prop: str = "ball",
     side: str = "right",
-    top: float = TOP,
+    top: float = TABLE_HEIGHT,
     at: str = "[-0.3, 0]",
 ) -> Path:
     """A play with a puppet that holds a prop, and a table."""
@@ -49,11 +49,11 @@ def write(
 
 def prop_place(play: fan.theatre.Play, prop: str) -> np.ndarray:
     """(4,) place of a prop's bottom and height of its axis, between the two cues of a play."""
-    run = together(play.cast, play.runs())
+    run = combine_runs(play.cast, play.runs())
     t = 0.5 * (play.cues[0].end + play.cues[1].start)
     k = int(np.searchsorted(run.t, t))
-    poses = play.cast.whole.poses(run.q_D[k : k + 1], run.q_K[k : k + 1])
-    pose = poses[0, play.cast.whole.link_index(prop)]
+    poses = play.cast.marionette.poses(run.q_D[k : k + 1], run.q_K[k : k + 1])
+    pose = poses[0, play.cast.marionette.link_index(prop)]
     return np.append(pose[:, 3], pose[2, 2])
 
 
@@ -61,12 +61,14 @@ def prop_place(play: fan.theatre.Play, prop: str) -> np.ndarray:
     ("prop", "side", "top", "at"),
     [
         ("ball", "right", 0.19, "[0.7, 0.8]"),
-        ("basket", "left", TOP, "[-0.3, 0]"),
+        ("basket", "left", TABLE_HEIGHT, "[-0.3, 0]"),
         ("basket", "right", 0.21, "[0.9, -0.7]"),
     ],
 )
 def test_a_prop_is_put_down_and_picked_up_again(tmp_path, prop, side, top, at):
-    play = fan.load_play(write(tmp_path, DOWN + UP, prop, side, top, at))
+    play = fan.load_play(
+        write_play_with_table(tmp_path, PUT_DOWN_CUE + PICK_UP_CUE, prop, side, top, at)
+    )
     assert play.changes == ()
     x, y, z, upright = prop_place(play, prop)
     assert max(abs(x - 0.6), abs(y)) < 0.15  # half the table's width
@@ -76,7 +78,7 @@ def test_a_prop_is_put_down_and_picked_up_again(tmp_path, prop, side, top, at):
 
 @pytest.mark.parametrize(("top", "off"), [(0.1, "low"), (0.3, "high")])
 def test_an_unsuitable_table_is_refused_with_the_nearest_suitable_one(tmp_path, top, off):
-    play = fan.load_play(write(tmp_path, DOWN, top=top))
+    play = fan.load_play(write_play_with_table(tmp_path, PUT_DOWN_CUE, top=top))
     (change,) = play.changes
     assert "puts down ball onto table cannot be done" in str(change)
     assert f"table is {top:.3f} m high, which is too {off} for pierrot" in str(change)
@@ -87,25 +89,29 @@ def test_an_unsuitable_table_is_refused_with_the_nearest_suitable_one(tmp_path, 
 
 def test_only_held_props_are_put_down_and_only_free_ones_are_picked_up(tmp_path):
     cues = "      - {who: pierrot, picks up: ball}\n"
-    (change,) = fan.load_play(write(tmp_path, cues)).changes
+    (change,) = fan.load_play(write_play_with_table(tmp_path, cues)).changes
     assert "pierrot holds ball" in str(change) and ":15: " in str(change)
 
 
 def test_an_unknown_table_is_a_mistake_with_its_line(tmp_path):
     with pytest.raises(FileError, match=r"put.yaml:15: .*no obstacle is called 'tabel'"):
-        fan.load_play(write(tmp_path, "      - {who: pierrot, puts down: ball, onto: tabel}\n"))
+        fan.load_play(
+            write_play_with_table(
+                tmp_path, "      - {who: pierrot, puts down: ball, onto: tabel}\n"
+            )
+        )
 
 
 def test_a_prop_that_hangs_too_high_or_too_low_is_refused():
-    alone = puppet()
-    for drop in putting.DROPS:
+    alone = load_marionette()
+    for drop in putting.DROP_RANGE:
         with pytest.raises(ValueError, match="ball would go down by"):
             putting.putting(alone, "", "ball", 2.0 * drop)
 
 
 @pytest.mark.parametrize("side", ["left", "right"])
 def test_picking_up_is_putting_down_backwards(side):
-    alone = puppet()
+    alone = load_marionette()
     down = putting.putting(alone, "", "ball", 0.01, side=side)
     up = putting.pick_up(alone, "", "ball", 0.01, side=side)
     assert (up.forward, up.left) == (down.forward, down.left)

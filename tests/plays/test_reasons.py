@@ -89,7 +89,7 @@ def test_the_reason_gives_how_much_of_a_key_pose_can_be_reached(marionette, tmp_
 
 
 def test_a_time_before_the_act_is_reported_in_beats(plays):
-    play = plays.compiled(
+    play = plays.compile(
         """{who: pierrot, does: wave, when: 6}
         {who: columbine, does: bow, when: wave.start - 9}"""
     )

@@ -12,26 +12,26 @@ from fantoccini.theatre.gestures.body_parts import BodyParts
 from fantoccini.theatre.gestures.ends import Ends
 from fantoccini.theatre.gestures.stepping import Step
 from fantoccini.theatre.gestures.walking import steps
-from fantoccini.theatre.plays.settling import Swing, pause
+from fantoccini.theatre.plays.settling import Swing, best_pause
 from plays.conftest import Plays
 
 pytestmark = pytest.mark.medium
 
 
 def test_players_together_move_as_in_a_run_of_the_whole_stage(plays: Plays):
-    play = plays.compiled("{who: pierrot, does: wave}\n{who: columbine, does: clap, when: 1}")
+    play = plays.compile("{who: pierrot, does: wave}\n{who: columbine, does: clap, when: 1}")
     verification = fan.theatre.verify_play(play)
-    whole = fan.simulate(play.marionette, play.x0, play.inputs)
+    stage_run = fan.simulate(play.marionette, play.x0, play.inputs)
     t = np.linspace(0.0, verification.run.t[-1], 200)
-    combined, other = verification.run.resample(t), whole.resample(t)
-    assert np.max(np.abs(combined.q_K - other.q_K)) < 1e-12
+    combined_samples, stage_samples = verification.run.resample(t), stage_run.resample(t)
+    assert np.max(np.abs(combined_samples.q_K - stage_samples.q_K)) < 1e-12
     # Two integrations with different steps: catches of strings determine the difference.
-    assert np.max(np.abs(combined.q_D - other.q_D)) < 1e-4
-    assert np.max(np.abs(combined.tension.values - other.tension.values)) < 0.02
+    assert np.max(np.abs(combined_samples.q_D - stage_samples.q_D)) < 1e-4
+    assert np.max(np.abs(combined_samples.tension.values - stage_samples.tension.values)) < 0.02
     sums = {name: float(verification.run.ledger[name][-1]) for name in ("work", "residual")}
-    assert sums["work"] == pytest.approx(float(whole.ledger["work"][-1]), abs=1e-4)
+    assert sums["work"] == pytest.approx(float(stage_run.ledger["work"][-1]), abs=1e-4)
     assert abs(sums["residual"]) < 1e-6
-    kinds = [(event.kind, event.name) for event in whole.events if event.name]
+    kinds = [(event.kind, event.name) for event in stage_run.events if event.name]
     assert {name for _, name in kinds} == {e.name for e in verification.run.events if e.name}
 
 
@@ -65,11 +65,11 @@ def test_a_pause_uses_the_swing_of_the_walk_before(
     after_a_walk: tuple[fan.Marionette, fan.State, fan.theatre.Gesture],
 ):
     puppet, x, walk = after_a_walk
-    waited, before, after = pause(puppet, x, walk.motion, 1.0)
-    assert 0.0 <= waited <= 1.0
-    assert after < before
-    tried = [Swing(puppet, x, walk.motion, 1.0).cost(p)[0] for p in np.linspace(0.0, 1.0, 21)]
-    assert Swing(puppet, x, walk.motion, 1.0).cost(waited)[0] < 1.3 * min(tried)
+    pause_time, speed_before, speed_after = best_pause(puppet, x, walk.motion, 1.0)
+    assert 0.0 <= pause_time <= 1.0
+    assert speed_after < speed_before
+    costs = [Swing(puppet, x, walk.motion, 1.0).cost(p)[0] for p in np.linspace(0.0, 1.0, 21)]
+    assert Swing(puppet, x, walk.motion, 1.0).cost(pause_time)[0] < 1.3 * min(costs)
 
 
 @pytest.mark.parametrize("seed", [1, 3, 11])

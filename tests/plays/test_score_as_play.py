@@ -83,8 +83,8 @@ def test_a_score_is_performed_as_a_play_with_one_player(score_text, play_text, c
     names = [motion.coordinates.v_K.index(name) for name in score.gesture.coordinates.v_K]
     for t in np.linspace(0.0, score.duration, 301):
         of_play, of_score = motion.offsets(t), score.offsets(t)
-        for own, other in zip(of_play, of_score, strict=True):
-            np.testing.assert_allclose(own[names], other, rtol=0.0, atol=1e-12)
+        for play_values, score_values in zip(of_play, of_score, strict=True):
+            np.testing.assert_allclose(play_values[names], score_values, rtol=0.0, atol=1e-12)
 
 
 def test_cues_of_scores_are_named(tmp_path):

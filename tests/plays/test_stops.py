@@ -14,25 +14,25 @@ from fantoccini.base import Progress
 from fantoccini.theatre.cast.result_cache import OutOfTime, ResultCache
 from fantoccini.theatre.plays import check_play, compiling, runs
 from plays.conftest import Plays
-from plays.tiny import TOUCHES, write_play
+from plays.tiny import TOUCHING_CUES, write_play
 
 pytestmark = pytest.mark.medium
 
-TWICE = """\
+TWO_HOPS_OF_ONE = """\
       - {who: one, does: hop.yaml, when: 0.5}
       - {who: one, does: hop.yaml, when: 3, name: again}
       - {who: two, does: hop.yaml, when: 1, name: other}
 """
 
 
-def failing(monkeypatch, when, error: Exception) -> None:
+def make_simulate_fail(monkeypatch, fails_for, error: Exception) -> None:
     """Make the simulator raise an error for certain marionettes, states and methods."""
-    simulated = runs.simulate
+    real_simulate = runs.simulate
 
     def simulate(marionette, x, inputs, **options):
-        if when(x, inputs, options):
+        if fails_for(x, inputs, options):
             raise error
-        return simulated(marionette, x, inputs, **options)
+        return real_simulate(marionette, x, inputs, **options)
 
     monkeypatch.setattr(runs, "simulate", simulate)
 
@@ -50,8 +50,8 @@ def test_an_error_of_the_simulator_refuses_its_cue_and_the_rest_is_played(
     tmp_path, monkeypatch, error
 ):
     """Regression: it ended the whole play, without line, player and cue."""
-    path = write_play(tmp_path, TWICE)
-    failing(monkeypatch, lambda x, inputs, _: is_second_hop(x, inputs), error)
+    path = write_play(tmp_path, TWO_HOPS_OF_ONE)
+    make_simulate_fail(monkeypatch, lambda x, inputs, _: is_second_hop(x, inputs), error)
     play = fan.load_play(path)
     (change,) = play.changes
     assert change.line == play.cues[1].line == 15
@@ -65,14 +65,14 @@ def test_an_error_of_the_simulator_refuses_its_cue_and_the_rest_is_played(
 def is_second_hop(x: fan.State, inputs: fan.Input) -> bool:
     """Whether this is the second hop of a player, with 2 s until the end; the first has 2.5 s."""
     length = x.coordinates.q_K.index("hold.length")
-    early = float(np.abs(inputs.evaluate(0.25)[0] - inputs.evaluate(0.0)[0])[length])
-    return x["hold.y"] < 0.0 and early > 1e-3 and inputs.end < 2.2
+    rise = float(np.abs(inputs.evaluate(0.25)[0] - inputs.evaluate(0.0)[0])[length])
+    return x["hold.y"] < 0.0 and rise > 1e-3 and inputs.end < 2.2
 
 
 def test_an_error_at_the_start_is_reported_with_player_and_line(tmp_path, monkeypatch):
     path = write_play(tmp_path)
     error = fan.errors.StateError("nothing can begin here")
-    failing(monkeypatch, lambda x, *_: x["hold.y"] < 0.0, error)
+    make_simulate_fail(monkeypatch, lambda x, *_: x["hold.y"] < 0.0, error)
     with pytest.raises(
         fan.errors.FileError, match=r"tiny.yaml:9: cast.one: one's run stops at the star"
     ):
@@ -80,15 +80,15 @@ def test_an_error_at_the_start_is_reported_with_player_and_line(tmp_path, monkey
 
 
 def test_an_error_in_the_verification_is_a_fault_with_line_player_and_cue(tmp_path, monkeypatch):
-    play = fan.load_play(write_play(tmp_path, TWICE))
+    play = fan.load_play(write_play(tmp_path, TWO_HOPS_OF_ONE))
     play = dataclasses.replace(play, cache=ResultCache())
-    failing(monkeypatch, lambda x, inputs, _: is_second_hop(x, inputs), ERRORS[0])
+    make_simulate_fail(monkeypatch, lambda x, inputs, _: is_second_hop(x, inputs), ERRORS[0])
     verification = fan.theatre.verify_play(play)
     assert not verification
     (fault,) = [message for message in verification.faults if "run stops" in message]
     assert fault.startswith("line 15: one: hop.yaml: one's run stops in First <act>, beat 3.0")
     assert verification.run.status is not fan.Status.DONE
-    failing(monkeypatch, lambda x, inputs, _: x["hold.y"] < 0.0, ERRORS[0])
+    make_simulate_fail(monkeypatch, lambda x, inputs, _: x["hold.y"] < 0.0, ERRORS[0])
     play = dataclasses.replace(play, cache=ResultCache())
     with pytest.raises(
         fan.errors.FileError, match=r"tiny\.yaml:9: cast\.one: line 14: one: hop\.yaml: "
@@ -98,22 +98,22 @@ def test_an_error_in_the_verification_is_a_fault_with_line_player_and_cue(tmp_pa
 
 def test_a_play_out_of_time_is_that_of_its_last_complete_round(tmp_path, monkeypatch):
     """Regression: it stopped only between rounds, of any duration."""
-    path = write_play(tmp_path, TOUCHES)
-    simulated, began = runs.simulate, time.monotonic()
-    calls = []
+    path = write_play(tmp_path, TOUCHING_CUES)
+    real_simulate, start_time = runs.simulate, time.monotonic()
+    call_times = []
 
     def slowly(*arguments, progress, **options):
-        calls.append(time.monotonic() - began)
-        if len(calls) <= 4:
-            return simulated(*arguments, progress=progress, **options)
+        call_times.append(time.monotonic() - start_time)
+        if len(call_times) <= 4:
+            return real_simulate(*arguments, progress=progress, **options)
         while True:  # a run that never ends
             time.sleep(0.01)
             progress(Progress())
 
     monkeypatch.setattr(runs, "simulate", slowly)
     play = fan.load_play(path, within=1.0)
-    took = time.monotonic() - began
-    assert took < 10.0
+    seconds = time.monotonic() - start_time
+    assert seconds < 10.0
     (remark, *_) = play.remarks
     assert "compiling was stopped after 1 round" in str(remark)
     assert play.counts.startswith("2 of 2 cues can be done, ")
@@ -127,9 +127,9 @@ def test_a_verification_out_of_time_measures_its_partial_run(tmp_path, monkeypat
     def stopped(self, *, exact=False):
         if exact:
             raise OutOfTime
-        return whole(self)
+        return real_runs(self)
 
-    whole = type(play).runs
+    real_runs = type(play).runs
     monkeypatch.setattr(type(play), "runs", stopped)
     verification = fan.theatre.verify_play(play, within=3.0)
     assert not verification
@@ -149,7 +149,7 @@ def test_nothing_is_computed_after_the_time_limit():
     assert cache.get("b", lambda: 2) == 2
 
 
-CANNOT = {
+IMPOSSIBLE_CUES = {
     "walks": ("{who: one, walks to: there}", "acts[0].cues[0]['walks to']: one cannot do"),
     "enters": ("{who: one, enters to: there}", "acts[0].cues[0]['enters to']: one cannot do"),
     "exits": ("{who: one, exits to: there}", "acts[0].cues[0]['exits to']: one cannot do"),
@@ -160,17 +160,17 @@ CANNOT = {
 }
 
 
-@pytest.mark.parametrize(("cue", "says"), CANNOT.values(), ids=CANNOT)
-def test_check_refuses_cues_that_a_puppet_cannot_do(tmp_path, cue, says):
+@pytest.mark.parametrize(("cue", "message"), IMPOSSIBLE_CUES.values(), ids=IMPOSSIBLE_CUES)
+def test_check_refuses_cues_that_a_puppet_cannot_do(tmp_path, cue, message):
     """Regression: players without legs walked, and players without a head looked."""
     path = write_play(tmp_path, f"      - {cue}\n")
-    if says is None:
+    if message is None:
         assert check_play(path).play == "tiny"
         return
-    with pytest.raises(fan.errors.FileError) as caught:
+    with pytest.raises(fan.errors.FileError) as error:
         check_play(path)
-    assert f"{path}:14: {says}" in str(caught.value)
-    assert "has no body map" in str(caught.value)
+    assert f"{path}:14: {message}" in str(error.value)
+    assert "has no body map" in str(error.value)
     # When compiled, the cue is left out, and the rest is played.
     play = fan.load_play(path)
     assert len(play.refused) == 1 and play.refused[0].line == 14
@@ -194,15 +194,15 @@ def test_check_names_the_player_without_the_bodies_for_a_seat_or_a_prop(tmp_path
     )
     for text in (cue, cue.replace("}", ", optional: true}")):
         path = write_play(tmp_path, f"      - {text}\n", props)
-        with pytest.raises(fan.errors.FileError) as caught:
+        with pytest.raises(fan.errors.FileError) as error:
             check_play(path)
-        said = f"{path}:14: acts[0].cues[0]['{verb}']: {who} cannot do `{verb}`: bob.yaml: "
-        assert said in str(caught.value).replace("cues[0].gives", "cues[0]['gives']")
-        assert "has no body map" in str(caught.value) and "contact.pairs" not in str(caught.value)
+        message = f"{path}:14: acts[0].cues[0]['{verb}']: {who} cannot do `{verb}`: bob.yaml: "
+        assert message in str(error.value).replace("cues[0].gives", "cues[0]['gives']")
+        assert "has no body map" in str(error.value) and "contact.pairs" not in str(error.value)
 
 
 def test_check_names_the_player_without_a_forearm_who_holds_a_prop(tmp_path):
-    path = write_play(tmp_path, more="props:\n  ball: {held by: one}\n")
+    path = write_play(tmp_path, extra_keys="props:\n  ball: {held by: one}\n")
     with pytest.raises(fan.errors.FileError) as caught:
         check_play(path)
     assert "props.ball['held by']: one cannot hold it: bob.yaml: " in str(caught.value)
@@ -219,10 +219,10 @@ def test_check_refuses_a_gesture_that_cannot_be_mirrored(tmp_path):
         fan.errors.FileError, match=r"tiny.yaml:14: acts\[0\].cues\[0\].does: .*arm_right"
     ):
         check_play(path)
-    assert check_play(write_play_again(path, "mirrored: true", "how: twice"))
+    assert check_play(replace_in_play(path, "mirrored: true", "how: twice"))
 
 
-def write_play_again(path: Path, old: str, new: str) -> Path:
+def replace_in_play(path: Path, old: str, new: str) -> Path:
     """A play with a part of its text replaced."""
     path.write_text(path.read_text().replace(old, new))
     return path
@@ -238,7 +238,7 @@ def test_check_refuses_walks_to_impossible_places(plays: Plays):
       - {who: columbine, walks to: far, optional: true, name: maybe}
       - {who: columbine, walks to: pierrot, name: near_him}
 """
-    path = plays.written(acts)
+    path = plays.write(acts)
     with pytest.raises(fan.errors.FileError) as caught:
         check_play(path)
     first, second = str(caught.value).splitlines()
@@ -259,14 +259,14 @@ def test_check_simulates_nothing_for_possible_cues(plays: Plays, monkeypatch):
       - {who: pierrot, points at: columbine}
       - {who: columbine, does: wave, mirrored: true, how: twice}
 """
-    assert check_play(plays.written(acts)).play == "trial"
+    assert check_play(plays.write(acts)).play == "trial"
 
 
 @pytest.mark.slow
 def test_a_gesture_follows_a_walk_despite_a_catch_at_its_beginning(plays: Plays):
     """Regression: its part began with a string at its bound, and the whole play ended."""
     cues, beat = "{who: pierrot, walks to: [0, 0.3]}\n{who: pierrot, does: nod, when: 12}", 0.6
-    play = plays.compiled(cues)
+    play = plays.compile(cues)
     walk, run = play.cues[0], play.runs().players["pierrot"]
     catches = [
         event
@@ -277,7 +277,7 @@ def test_a_gesture_follows_a_walk_despite_a_catch_at_its_beginning(plays: Plays)
     ]
     assert catches
     for event in catches[:: max(1, len(catches) // 4)]:
-        again = plays.compiled(cues.replace("12}", f"{event.t / beat!r}}}"), before=play)
-        assert again.cues[1].wanted == pytest.approx(event.t, abs=1e-12)
-        assert not any("run stops" in str(change) for change in again.changes)
-        assert not again.runs().stops
+        changed_play = plays.compile(cues.replace("12}", f"{event.t / beat!r}}}"), before=play)
+        assert changed_play.cues[1].wanted == pytest.approx(event.t, abs=1e-12)
+        assert not any("run stops" in str(change) for change in changed_play.changes)
+        assert not changed_play.runs().stops

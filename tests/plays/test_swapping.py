@@ -10,8 +10,8 @@ from fantoccini.model.tree import WORLD
 from fantoccini.theatre import cast
 from fantoccini.theatre.plays.placing import place_cues
 from fantoccini.theatre.plays.reading import read_play
-from fantoccini.theatre.plays.stage_run import together
-from fantoccini.theatre.plays.walks import Walks
+from fantoccini.theatre.plays.stage_run import combine_runs
+from fantoccini.theatre.plays.walk_planner import WalkPlanner
 
 pytestmark = pytest.mark.slow
 
@@ -26,7 +26,7 @@ SAMPLE_STRIDE = 25
 def string_points(play: fan.theatre.Play, poses: np.ndarray) -> dict[str, np.ndarray]:
     """Player -> (T, n, 3) points along its strings, 5 cm apart or less [m]."""
     points: dict[str, list[np.ndarray]] = {"pierrot": [], "columbine": []}
-    share = np.linspace(0.0, 1.0, 25)[:, None]
+    shares = np.linspace(0.0, 1.0, 25)[:, None]
     for string in play.marionette.tree.strings:
         ends = []
         for point in (string.points[0], string.points[-1]):
@@ -34,21 +34,21 @@ def string_points(play: fan.theatre.Play, poses: np.ndarray) -> dict[str, np.nda
             pose = poses[:, point.link]
             ends.append(pose[:, :, :3] @ np.array([float(x) for x in point.at]) + pose[:, :, 3])
         first, last = (end[:, None] for end in ends)
-        points[string.name.partition(".")[0]].append(first + share * (last - first))
-    return {name: np.concatenate(own, axis=1) for name, own in points.items()}
+        points[string.name.partition(".")[0]].append(first + shares * (last - first))
+    return {name: np.concatenate(point_lists, axis=1) for name, point_lists in points.items()}
 
 
 def test_two_players_change_places_and_keep_their_distance(plays):
-    play = plays.compiled(SWAP)
+    play = plays.compile(SWAP)
     assert not play.changes
     assert [cue.passes for cue in play.cues] == ["columbine gives way", "gives way to pierrot"]
     starts = [cue.start for cue in play.cues]
     assert max(starts) < 0.2 and np.ptp(starts) < 1e-4
-    first, second = (play.ways[name][-1] for name in ("pierrot", "columbine"))
+    first, second = (play.walks[name][-1] for name in ("pierrot", "columbine"))
     assert first.length == pytest.approx(1.2)
     assert second.length > 1.25
     assert abs(first.end - second.end) < 6.0
-    run = together(play.cast, play.runs())
+    run = combine_runs(play.cast, play.runs())
     poses = play.marionette.poses(run.q_D[::SAMPLE_STRIDE], run.q_K[::SAMPLE_STRIDE])
     strings = string_points(play, poses)
     gaps = [
@@ -60,14 +60,16 @@ def test_two_players_change_places_and_keep_their_distance(plays):
         name: [k for k, link in enumerate(play.marionette.tree.links) if link.name.startswith(name)]
         for name in strings
     }
-    apart = poses[:, joints["pierrot"], None, :, 3] - poses[:, None, joints["columbine"], :, 3]
-    assert np.linalg.norm(apart, axis=-1).min() > 0.05
-    for way, y in ((first, -0.6), (second, 0.6)):
-        np.testing.assert_allclose(way.footing(np.array([way.end]))[0][0], [0.0, y], atol=1e-9)
+    joint_offsets = (
+        poses[:, joints["pierrot"], None, :, 3] - poses[:, None, joints["columbine"], :, 3]
+    )
+    assert np.linalg.norm(joint_offsets, axis=-1).min() > 0.05
+    for walk, y in ((first, -0.6), (second, 0.6)):
+        np.testing.assert_allclose(walk.footing(np.array([walk.end]))[0][0], [0.0, y], atol=1e-9)
 
 
 def test_a_player_that_stays_is_not_passed(plays):
-    play = plays.compiled("{who: pierrot, walks to: east}")
+    play = plays.compile("{who: pierrot, walks to: east}")
     (cue,) = play.refused
     assert "columbine stands there" in cue.refused and not cue.passes
 
@@ -89,8 +91,8 @@ acts:
 
 def test_nobody_is_passed_who_still_stands_in_the_way(plays):
     """Nobody can go around in a corridor; she leaves only when he would have walked through her."""
-    script = read_play(plays.written("", CORRIDOR), cast.ResultCache())
-    walks = Walks(script.cast, script.log)
+    script = read_play(plays.write("", CORRIDOR), cast.ResultCache())
+    walks = WalkPlanner(script.cast, script.log)
     placement = place_cues(
         script.cast,
         script.timeline,
@@ -102,4 +104,4 @@ def test_nobody_is_passed_who_still_stands_in_the_way(plays):
     )
     first, second = placement.cues
     assert "no way leads round columbine" in first.refused
-    assert not placement.passes and not second.refused
+    assert not placement.pass_notes and not second.refused

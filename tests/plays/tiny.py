@@ -27,16 +27,16 @@ CUES = """\
       - {who: one, does: hop.yaml, when: 0.5, says: "<Hop> & hop"}
       - {who: two, does: hop.yaml, on: {top: 2}}
 """
-TOUCHES = """\
+TOUCHING_CUES = """\
       - {who: two, does: hop.yaml, when: 0.5}
       - {who: one, does: sway.yaml, when: 0.75}
 """
 """The ball of `one` would go through that of `two`."""
-MAY_TOUCH = TOUCHES.replace("sway.yaml,", "sway.yaml, optional: true,")
+OPTIONAL_TOUCHING_CUES = TOUCHING_CUES.replace("sway.yaml,", "sway.yaml, optional: true,")
 
 
-def write_play(folder: Path, cues: str = CUES, more: str = "") -> Path:
-    """Write a play with its files, and more keys; returns its path."""
+def write_play(folder: Path, cues: str = CUES, extra_keys: str = "") -> Path:
+    """Write a play with its files, and further keys; returns its path."""
     for name, text in (("bob.yaml", BALL), ("hop.yaml", HOP), ("sway.yaml", SWAY)):
         (folder / name).write_text(text, encoding="utf-8")
     path = folder / "tiny.yaml"
@@ -45,7 +45,7 @@ def write_play(folder: Path, cues: str = CUES, more: str = "") -> Path:
         "    here: {at: [0, -0.3]}\n    there: {at: [0, 0.3]}\n"
         "  obstacles: [{type: box, name: block, at: [-0.4, 0, 0.1], size: [0.1, 0.3, 0.2]}]\n"
         "cast:\n  one: {puppet: bob.yaml, at: here}\n  two: {puppet: bob.yaml, at: there}\n"
-        f'acts:\n  - act: "First <act>"\n    cues:\n{cues}{more}',
+        f'acts:\n  - act: "First <act>"\n    cues:\n{cues}{extra_keys}',
         encoding="utf-8",
     )
     return path

@@ -100,14 +100,14 @@ def test_keys_move_the_handle_and_not_the_camera(scene):
     scene.browser.execute_script("document.activeElement.blur()")
     camera = np.array(scene.client.camera.position)
     direction = np.array(scene.client.camera.look_at)
-    home, length = scene.performance.target("line")[0], scene.performance.wanted_length("line")
+    home, length = scene.performance.target("line")[0], scene.performance.target_length("line")
     for key in "dwe":
         keys = ActionChains(scene.browser)
         for _ in range(10):
             keys.key_down(key).pause(0.05).key_up(key)
         keys.perform()
     until(lambda: np.linalg.norm(scene.performance.target("line")[0] - home) > 0.1, "it moves")
-    until(lambda: scene.performance.wanted_length("line") < length - 0.05, "it winds")
+    until(lambda: scene.performance.target_length("line") < length - 0.05, "it winds")
     keys = ActionChains(scene.browser)
     for key in "asq":
         keys.key_down(key).pause(0.3).key_up(key)

@@ -243,12 +243,12 @@ def test_a_gamepad_moves_winds_pauses_and_records(scene):
         set_gamepad(axes=[0.05, 0, 0, 0])  # no stick rests exactly at 0
         until(lambda: not live.pads.sticks.moved, "the stick is let go")
         rest = performance.target("line")[0]
-        length = performance.wanted_length("line")
+        length = performance.target_length("line")
         set_gamepad(axes=[0, 0, 0, -1])
-        until(lambda: performance.wanted_length("line") < length - 0.03, "the string is wound in")
+        until(lambda: performance.target_length("line") < length - 0.03, "the string is wound in")
         set_gamepad(gone=True)  # as when the gamepad loses its radio
         until(lambda: not live.pads.sticks.moved, "no stick is moved")
-        length = performance.wanted_length("line")
+        length = performance.target_length("line")
         assert np.array_equal(performance.target("line")[0], rest)
         set_gamepad(gone=False, axes=[0, 0, 0, 0])
         for button, holds in (
@@ -261,7 +261,7 @@ def test_a_gamepad_moves_winds_pauses_and_records(scene):
             until(holds, f"button {button}")
             set_gamepad(down=[])
             until(lambda: not live.pads.sticks.buttons, "the button is up")
-        assert performance.wanted_length("line") == length
+        assert performance.target_length("line") == length
     finally:
         browser.execute_cdp_cmd("Page.removeScriptToEvaluateOnNewDocument", script)
 
@@ -284,22 +284,22 @@ def test_two_tabs_compete_for_the_strings(scene, monkeypatch):
     browser.get(scene.page.url)
     until(lambda: len(clients()) == 2, "a second tab")
     until(lambda: browser.find_elements("css selector", "[role=slider]"), "its panel")
-    before = performance.wanted_length("line")
+    before = performance.target_length("line")
     slide(Keys.ARROW_LEFT * 5)
-    until(lambda: performance.wanted_length("line") < before - 0.003, "it winds")
+    until(lambda: performance.target_length("line") < before - 0.003, "it winds")
     time.sleep(0.5)  # pending changes
-    held = performance.wanted_length("line")
+    held = performance.target_length("line")
     browser.switch_to.window(first)
     slider = slide(Keys.ARROW_RIGHT * 9)
     until(lambda: "Another viewer holds the strings" in words(browser), "the other is notified")
     until(lambda: float(slider.get_attribute("aria-valuenow")) == pytest.approx(held), "snaps back")
-    assert performance.wanted_length("line") == held
+    assert performance.target_length("line") == held
     browser.switch_to.window(second)
     browser.close()
     browser.switch_to.window(first)
     until(lambda: len(clients()) == 1 and scene.live.holder.viewer is None, "the holder is gone")
     slide(Keys.ARROW_RIGHT * 5)
-    until(lambda: performance.wanted_length("line") > held, "the other takes over")
+    until(lambda: performance.target_length("line") > held, "the other takes over")
 
 
 def test_rings_turn_a_bar(browser, tmp_path):

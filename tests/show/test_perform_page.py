@@ -15,7 +15,7 @@ from websockets.sync.client import connect
 
 import fantoccini as fan
 from fantoccini.app.live.gesture_player import GestureOptions
-from fantoccini.theatre.perform.player import Player
+from fantoccini.theatre.perform.player import MotionPlayer
 
 pytestmark = pytest.mark.slow
 
@@ -140,21 +140,21 @@ def test_mirrored_and_repeated_gestures(scene):
 
 
 def test_gestures_begin_on_the_beat(scene, monkeypatch):
-    tempo, play, begun = scene.stage.gesture_player.tempo, Player.play, []
+    tempo, play, begun = scene.stage.gesture_player.tempo, MotionPlayer.play, []
 
     def play_and_note(player, gesture, **options):
         begins = play(player, gesture, **options)
         begun.append(scene.performance.t - player.t + begins)
         return begins
 
-    monkeypatch.setattr(Player, "play", play_and_note)
+    monkeypatch.setattr(MotionPlayer, "play", play_and_note)
     scene.viewer.tick("On the beat", True)
     until(lambda: scene.stage.gesture_player.options.on_beat, "the box is ticked")
     scene.viewer.slide("Beats a minute", 60.0)
     until(lambda: tempo.bpm == 60.0, "the tempo")
     scene.viewer.pick("7 8 9", "nod")
     until(lambda: scene.performance.playing, "it begins")
-    beats = tempo.beats(begun[0])
+    beats = tempo.beat_number(begun[0])
     assert beats == pytest.approx(round(beats), abs=1e-6)
     scene.viewer.tick("On the beat", False)
     until(lambda: not scene.stage.gesture_player.options.on_beat, "the box is clear")

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from tests.perform.played import PLAY
+from tests.perform.short_play import PLAY
 from tests.show.browser import chrome, picture, pixel, until, words
 from tests.show.viewer import Viewer
 from websockets.sync.client import connect
@@ -41,10 +41,10 @@ def test_buttons_direct_the_show(scene):
     until(lambda: show.t > 0.3, "it plays")
     viewer.wait_for_text("Good evening!")
     viewer.press("Hold (Y)")
-    until(lambda: show.held, "it is held")
+    until(lambda: show.is_held, "it is held")
     viewer.wait_for_text("is held")
     viewer.press("Go on (Y)")
-    until(lambda: not show.held, "it goes on")
+    until(lambda: not show.is_held, "it goes on")
     viewer.press("Take pierrot")
     until(lambda: show.taken == {"pierrot"}, "it is taken")
     viewer.wait_for_text("pierrot is in your hands")
@@ -57,7 +57,7 @@ def test_buttons_direct_the_show(scene):
     viewer.press("Start this cue")
     until(lambda: show.t >= show.play.cues[3].start, "the last cue")
     viewer.press("All stop (I)")
-    until(lambda: show.held, "all hands stop")
+    until(lambda: show.is_held, "all hands stop")
 
 
 def test_the_page_lists_acts_cues_and_refused_cues(scene):

@@ -72,16 +72,16 @@ def test_one_of_two_viewers_holds_and_the_other_is_notified(scene, monkeypatch):
     with Viewer(scene.url) as second:
         first = Viewer(scene.url)
         first.slide(line, 0.5)
-        until(lambda: scene.performance.wanted_length(line) == 0.5, "the first winds")
+        until(lambda: scene.performance.target_length(line) == 0.5, "the first winds")
         until(lambda: second.value(line) == 0.5, "the other sees it")
         second.slide(line, 0.7)
         second.wait_for_text("Another viewer holds the strings")
         until(lambda: second.value(line) == 0.5, "the slider of the other snaps back")
-        assert scene.performance.wanted_length(line) == 0.5
+        assert scene.performance.target_length(line) == 0.5
         first.close()
         until(lambda: scene.live.holder.viewer is None, "the holder's tab is closed")
         second.slide(line, 0.7)
-        until(lambda: scene.performance.wanted_length(line) == 0.7, "the other takes over")
+        until(lambda: scene.performance.target_length(line) == 0.7, "the other takes over")
 
 
 def test_each_viewer_sees_the_holder_of_the_strings(scene, monkeypatch):
@@ -105,11 +105,11 @@ def test_a_bead_winds_its_string_without_shift(scene):
     with Viewer(scene.url) as viewer:
         viewer.tick("Drag winds", True)
         until(lambda: scene.live.panel.drag_winds, "the box is ticked")
-        length = scene.performance.wanted_length("line")
+        length = scene.performance.target_length("line")
         viewer.drag("start", BEAD, home, home)
         viewer.drag("update", BEAD, home, home + 0.05 * np.eye(3)[2])
-        until(lambda: scene.performance.wanted_length("line") < length, "it winds in")
-        assert scene.performance.wanted_length("line") == pytest.approx(length - 0.05)
+        until(lambda: scene.performance.target_length("line") < length, "it winds in")
+        assert scene.performance.target_length("line") == pytest.approx(length - 0.05)
         assert np.array_equal(scene.performance.target("line")[0], home)
         viewer.drag("end", BEAD, home, home)
 

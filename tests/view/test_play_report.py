@@ -6,14 +6,14 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
-from tests.plays.tiny import MAY_TOUCH, TOUCHES, write_play
+from tests.plays.tiny import OPTIONAL_TOUCHING_CUES, TOUCHING_CUES, write_play
 
 import fantoccini as fan
 from fantoccini.output import reports
 from fantoccini.output.reports.stage_plan import plan
 from fantoccini.output.reports.timeline import shortened, timeline
 from fantoccini.output.view.stills import Stills
-from fantoccini.theatre.plays import clearances, overhead
+from fantoccini.theatre.plays import clearances, make_stage_plan
 
 pytestmark = pytest.mark.medium
 
@@ -106,7 +106,7 @@ def test_the_least_clearances_are_those_of_the_run(verification, page):
     nearest = {
         frozenset(approach.owners): approach
         for approach in clearances(verification.play.cast, run)
-        if not approach.of_strings
+        if not approach.is_of_string
     }
     first, second = (
         run.q_D[:, [run.coordinates.q_D.index(f"{name}.ball.{x}") for x in "xyz"]]
@@ -122,7 +122,7 @@ def test_the_least_clearances_are_those_of_the_run(verification, page):
 
 
 def test_a_failing_play_is_reported_first(tmp_path):
-    verification = fan.theatre.verify_play(fan.load_play(write_play(tmp_path, TOUCHES)))
+    verification = fan.theatre.verify_play(fan.load_play(write_play(tmp_path, TOUCHING_CUES)))
     text = reports.play_report(verification, tmp_path / "page.html").read_text(encoding="utf-8")
     assert 'class="verdict fails">1 of 2 cues cannot be done as written' in text
     assert f"{tmp_path / 'tiny.yaml'}:15: acts[0].cues[1]: one: sway.yaml cannot be done" in text
@@ -131,16 +131,16 @@ def test_a_failing_play_is_reported_first(tmp_path):
 
 def test_remarks_are_not_counted_as_cues_that_cannot_be_done(tmp_path):
     """Regression: the report said that a cue cannot be done, the terminal that all can."""
-    path = write_play(tmp_path, TOUCHES)
+    path = write_play(tmp_path, TOUCHING_CUES)
     play = fan.load_play(path, within=0.0)
     verification = fan.theatre.verify_play(play)
     assert not play.refused and len(play.remarks) >= 2  # it was stopped, and something touches
-    assert play.remarks == play.lacking == play.changes
+    assert play.remarks == play.deviations == play.changes
     text = reports.play_report(verification, tmp_path / "page.html").read_text(encoding="utf-8")
     assert play.counts == f"2 of 2 cues can be done, {len(play.remarks)} remarks"
     assert f'class="verdict fails">{play.counts}' in text
     assert "cues cannot be done" not in text
-    left = fan.load_play(write_play(tmp_path, MAY_TOUCH))
+    left = fan.load_play(write_play(tmp_path, OPTIONAL_TOUCHING_CUES))
     assert left.counts == "1 of 2 cues can be done, 1 left out" and not left.remarks
     text = reports.play_report(fan.theatre.verify_play(left), tmp_path / "page.html").read_text()
     assert 'class="verdict holds">1 of 2 cues can be done, 1 left out' in text
@@ -179,9 +179,9 @@ def test_the_drawings_name_everything_and_cut_nothing(verification):
 
 
 def test_the_plan_view_shows_all_things_on_the_stage(verification):
-    plan_view = overhead(verification.play)
+    plan_view = make_stage_plan(verification.play)
     assert plan_view.marks == {"here": (0.0, -0.3), "there": (0.0, 0.3)}
-    (polygon,) = plan_view.standing["block"]
+    (polygon,) = plan_view.obstacles["block"]
     np.testing.assert_allclose(polygon.min(axis=0), [-0.45, -0.15], atol=1e-9)
     np.testing.assert_allclose(polygon.max(axis=0), [-0.35, 0.15], atol=1e-9)
 

@@ -5,11 +5,11 @@ from . import (
     cast as cast,
     gaits as gaits,
     gestures as gestures,
+    pathfinding as pathfinding,
     perform as perform,
     plays as plays,
     retarget as retarget,
     script as script,
-    ways as ways,
 )
 from .capture import (
     Capture as Capture,

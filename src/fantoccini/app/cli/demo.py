@@ -16,7 +16,7 @@ from fantoccini.app.cli_support import (
     write_outputs,
 )
 from fantoccini.dynamics.compiled import TimeStepping
-from fantoccini.theatre.perform import WALK_POSES, walk
+from fantoccini.theatre.perform import WALK_PICTURE_TIMES, walk
 
 _STAGE, _NAME = "promenade", "marionette"
 _METHOD, _SAVE_EVERY = TimeStepping(dt=1e-3), 5
@@ -41,7 +41,7 @@ def show_demo(folder: Path, quiet: bool) -> None:
         run, seconds, reason = simulate_with_progress(
             display, puppet, x0, inputs, duration, _METHOD, save_every=_SAVE_EVERY
         )
-        write_outputs(puppet, run, out, None, display, WALK_POSES)
+        write_outputs(puppet, run, out, None, display, WALK_PICTURE_TIMES)
     if not quiet:
         report_run(run, seconds)
         print_output("wrote " + ", ".join(map(str, out)))

@@ -67,7 +67,7 @@ def address_of(text: str | None, option: str) -> Address | None:
     from fantoccini.theatre.perform import Address
 
     try:
-        return Address.of(text)
+        return Address.parse(text)
     except ValueError as error:
         fail(str(error), option)
 

@@ -64,7 +64,7 @@ def play_file(arguments: PlayArguments) -> None:
     for fault in verification.faults:
         print_message(f"{arguments.file}: {fault}")
     _write(arguments, verification, out)
-    if play.lacking or not verification:
+    if play.deviations or not verification:
         raise typer.Exit(FAILED)
 
 
@@ -114,7 +114,7 @@ def _print(verification: Verification) -> None:
                 observation.who,
                 f"{observation.wanted:.2f}",
                 f"{observation.observed:.2f}",
-                f"{1e3 * observation.late:+.0f}",
+                f"{1e3 * observation.lateness:+.0f}",
             )
         )
     for name, start in play.acts.items():
@@ -151,11 +151,11 @@ def _summary(verification: Verification, compiling: float, verifying: float) -> 
         f"coordinates; compiled in {compiling:.1f} s, {_count(play.rounds, 'round')}, "
         f"verified in {verifying:.1f} s"
     )
-    worst = f"no cue is off by more than {1e3 * verification.worst:.0f} ms"
+    worst = f"no cue is off by more than {1e3 * verification.max_lateness:.0f} ms"
     broken = len(verification.faults)
     verdict = _count(broken, "fault") if broken else "the run meets every requirement"
     print_output(f"{play.counts}; {worst}; {verdict}")
-    for reason in dict.fromkeys(verification.stepped):
+    for reason in dict.fromkeys(verification.stepping_reasons):
         print_output(f"time steps of 0.25 ms were taken during contacts: {reason}")
 
 

@@ -74,7 +74,7 @@ def edit_take(
                 ("ticks", len(take)),
                 ("tick [ms]", f"{1e3 * take.tick:.3g}"),
                 ("events", len(run.events)),
-                ("ended", take.ended or run.status.name.lower()),
+                ("ended", take.end_reason or run.status.name.lower()),
             ],
         )
     if out is not None:

@@ -143,7 +143,7 @@ class Controls:
     def wind(self, name: str, by: float) -> None:
         """Winds a string in (``by`` < 0) or out [m], if it can be wound."""
         if name in self._performance.lengths:
-            self._performance.wind(name, self._performance.wanted_length(name) + by)
+            self._performance.wind(name, self._performance.target_length(name) + by)
 
     def show_names(self, visible: bool) -> None:
         """Shows or hides the names of the handles."""
@@ -190,7 +190,7 @@ class Controls:
         Others stay: a viewer may just have moved them.
         """
         for name, slider in self.sliders.items():
-            length = round(self._performance.wanted_length(name), 4)
+            length = round(self._performance.target_length(name), 4)
             if abs(self._shown_lengths[name] - length) > _THRESHOLDS.length:
                 slider.value = self._shown_lengths[name] = length
 
@@ -217,7 +217,7 @@ class Controls:
             anchor="bottom-center",
             position=position + np.array([0.0, 0.0, self._label_heights[n]]),
         )
-        if len(handle.turns):
+        if len(handle.turn_axes):
             ring = self._server.scene.add_transform_controls(
                 f"/rings/{n}",
                 scale=0.16 * self._size,
@@ -233,7 +233,7 @@ class Controls:
             self.rings[handle.name] = ring
 
     def _add_slider(self, name: str, low: float, high: float) -> None:
-        length = self._performance.wanted_length(name)
+        length = self._performance.target_length(name)
         slider = self._server.gui.add_slider(
             name, round(low, 3), round(high, 3), 0.001, round(length, 3), hint="Length [m]"
         )
@@ -244,7 +244,7 @@ class Controls:
                 return
             value = slider.value
             if not self._act(event.client_id, lambda: self._performance.wind(name, value)):
-                slider.value = round(self._performance.wanted_length(name), 3)
+                slider.value = round(self._performance.target_length(name), 3)
 
         slider.on_update(handle_slider)
         self.sliders[name] = slider
@@ -306,7 +306,7 @@ class Controls:
                 grab = self.grabs[key] = _Grab(
                     np.array(event.start_position),
                     self._performance.target(name)[0],
-                    self._performance.wanted_length(name) if winds else None,
+                    self._performance.target_length(name) if winds else None,
                 )
             camera, mouse = event.client.camera, np.array(event.end_position, dtype=float)
             eye = np.array(camera.position, dtype=float)

@@ -94,7 +94,7 @@ class GesturePlayer:
         ]:
             for played in names:
                 del self._repeating[played]
-                self._performance.play_once(played)
+                self._performance.stop_repeating(played)
             return
         options, gesture = self.options, self.gestures[name]
         style = Style(options.size, options.speed, options.mirrored)
@@ -102,7 +102,7 @@ class GesturePlayer:
         if options.mirrored:
             gesture = gesture.called(f"{name}, mirrored")
         t = self._performance.t
-        delay = self.tempo.next(t) - t if options.on_beat else None
+        delay = self.tempo.next_beat_time(t) - t if options.on_beat else None
         self._performance.play(gesture, after=delay, repeat=options.repeat)
         if options.repeat:
             self._repeating[gesture.name] = name
@@ -120,7 +120,7 @@ class GesturePlayer:
     @property
     def beat(self) -> int:
         """Number of the current beat."""
-        return int(self.tempo.beats(self._performance.t) // 1)
+        return int(self.tempo.beat_number(self._performance.t) // 1)
 
     def tap(self) -> None:
         """Sets the beat by a tap at the current time."""

@@ -10,7 +10,7 @@ from fantoccini.app.live.holder import Viewer
 from fantoccini.app.live.stage import Stage
 from fantoccini.app.live.takes import Edits
 from fantoccini.app.pages import note
-from fantoccini.theatre.perform import RANGE
+from fantoccini.theatre.perform import TEMPO_RANGE
 
 if TYPE_CHECKING:
     import viser
@@ -70,7 +70,7 @@ class GesturesTab:
             self._bind_option(gui.add_slider("Size", 0.25, 2.0, 0.05, 1.0), options, "size")
             self._bind_option(gui.add_slider("Speed", 0.5, 2.0, 0.05, 1.0), options, "speed")
             self._bpm = gui.add_slider(
-                "Beats a minute", RANGE.slowest, RANGE.fastest, 1.0, player.tempo.bpm
+                "Beats a minute", TEMPO_RANGE.slowest, TEMPO_RANGE.fastest, 1.0, player.tempo.bpm
             )
             beat = gui.add_button_group("B M", ("Tap", "Metronome"), hint="Tap on every beat")
         command("Home: end all gestures", "H", self._go_home)

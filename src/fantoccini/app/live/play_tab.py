@@ -84,9 +84,9 @@ class PlayTab:
             if part.content != content:
                 part.content = content
         hold = self._labels["Hold (Y)"]
-        label = "Go on (Y)" if show.held else "Hold (Y)"
+        label = "Go on (Y)" if show.is_held else "Hold (Y)"
         if hold.label != label:
-            hold.label, hold.icon = label, "player-play" if show.held else "player-pause"
+            hold.label, hold.icon = label, "player-play" if show.is_held else "player-pause"
         for player, button in self._players.items():
             label = f"Give {player} back" if player in show.taken else f"Take {player}"
             if button.label != label:
@@ -102,7 +102,7 @@ class PlayTab:
         self._live.stage.sounds.changed()
 
     def _hold(self) -> None:
-        (self._show.resume if self._show.held else self._show.hold)()
+        (self._show.resume if self._show.is_held else self._show.hold)()
 
     def _take(self, player: str) -> None:
         (self._show.give if player in self._show.taken else self._show.take)(player)
@@ -122,7 +122,7 @@ def _about(show: LivePlay, messages: str) -> str:
         state = "; stands by for GO"
     elif show.done:
         state = "; is over"
-    elif show.held:
+    elif show.is_held:
         state = "; is held"
     elif show.waiting is not None:
         state = "; waits for GO"
@@ -140,7 +140,7 @@ def _about(show: LivePlay, messages: str) -> str:
 
 def _cues(show: LivePlay) -> str:
     """All acts and cues with their times, as HTML."""
-    current, next_cue = {cue.number for cue in show.on}, show.standing_by
+    current, next_cue = {cue.number for cue in show.playing_cues}, show.standing_by
     rows, act = [], ""
     for cue in show.play.cues:
         if cue.act != act:

@@ -103,7 +103,7 @@ class Recorder:
                 lead = f"{place} cannot be written"
                 failed += (reason if reason.startswith(lead) else f"{lead}: {reason}") + "; "
                 continue
-            ending = f"; {recording.ended}" if recording.ended else ""
+            ending = f"; {recording.end_reason}" if recording.end_reason else ""
             self.status = f"{failed}wrote {place} ({recording.duration:.1f} s{ending})"
             return
         self.status = f"{failed}the recording is lost"

@@ -259,8 +259,12 @@ class Stage:
         ahead = (time.perf_counter() - self._frame) * factor
         beat, tempo, t = None, self.gesture_player.tempo, self.performance.t + ahead
         if self.gesture_player.metronome:
-            next_beat = tempo.next(t)
-            beat = (next_beat - t) / factor, tempo.beat / factor, round(tempo.beats(next_beat))
+            next_beat = tempo.next_beat_time(t)
+            beat = (
+                (next_beat - t) / factor,
+                tempo.beat / factor,
+                round(tempo.beat_number(next_beat)),
+            )
         playing = self.performance.score
         if playing is None or playing.is_still or factor != 1.0:
             return SoundState(beat, None)

@@ -85,7 +85,7 @@ def _verdict(page: Page, verification: Verification) -> None:
     """Adds the verdict, changed and refused cues, and broken requirements."""
     play = verification.play
     faults, refused = verification.faults, len(play.refused)
-    late = 1e3 * verification.worst
+    late = 1e3 * verification.max_lateness
     first = "Every cue is done as written" if play else play.counts
     if refused:
         first = f"{refused} of {len(play.cues)} cues cannot be done as written"
@@ -94,7 +94,7 @@ def _verdict(page: Page, verification: Verification) -> None:
         if faults
         else f"the run meets every requirement; no cue is off by more than {late:.0f} ms"
     )
-    page.verdict(f"{first}; {second}.", not (play.lacking or faults))
+    page.verdict(f"{first}; {second}.", not (play.deviations or faults))
     if play.changes:
         page.subsection("Changes to the script, with reasons")
         page.items(map(str, play.changes))

@@ -22,7 +22,7 @@ def cast_table(verification: Verification) -> Table:
     for name, player in play.cast.players.items():
         start, entry = player.start, play.cast.file.cast[name]
         at = entry.at if isinstance(entry.at, str) else ""
-        distance = sum(way.length for way in play.ways.get(name, ()))
+        distance = sum(way.length for way in play.walks.get(name, ()))
         lines.append(
             (
                 name,
@@ -54,8 +54,8 @@ def cue_table(verification: Verification, act: str) -> Table:
                 observation.who,
                 f"{observation.wanted:.2f}",
                 f"{observation.observed:.2f}",
-                f"{1e3 * observation.late:+.0f}",
-                "limb" if observation.limb else "hands",
+                f"{1e3 * observation.lateness:+.0f}",
+                "limb" if observation.is_limb_time else "hands",
             )
         )
     lines, wrong = list[tuple[str, ...]](), set[int]()
@@ -115,8 +115,8 @@ def clearance_table(verification: Verification) -> Table:
         lines.append(
             (
                 " - ".join(pair.owners),
-                pair.what,
-                pair.other,
+                pair.first,
+                pair.second,
                 f"{1e3 * pair.distance:.1f}",
                 f"{1e3 * allowed:.0f}",
                 play.when(pair.t),

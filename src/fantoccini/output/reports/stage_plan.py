@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fantoccini.output.view import LIGHT, STONE, blank_figure, one_line, style_axes
-from fantoccini.theatre.plays import Overhead, overhead
+from fantoccini.theatre.plays import StagePlan, make_stage_plan
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -30,7 +30,7 @@ def plan(play: Play, reached: Box) -> Figure:
         play: the compiled play.
         reached: ((low, high) of x, (low, high) of y): area in which the hands move in the play [m].
     """
-    stage = overhead(play)
+    stage = make_stage_plan(play)
     low, high = _extent(play, stage, reached)
     width, depth = high[1] - low[1], high[0] - low[0]
     size = (_WIDTH, round(np.clip(_WIDTH * depth / width, 0.4 * _WIDTH, 1.6 * _WIDTH)) + 60)
@@ -45,10 +45,12 @@ def plan(play: Play, reached: Box) -> Figure:
         "y, to stage left [m]   (the audience sits below)", color=LIGHT.text, fontsize=9
     )
     axes.set_ylabel("x, towards the audience [m]", color=LIGHT.text, fontsize=9)
-    if stage.space is not None:
-        _draw_box(axes, stage.space, "allowed area of the hands", linestyle="--", color=LIGHT.muted)
+    if stage.hand_space is not None:
+        _draw_box(
+            axes, stage.hand_space, "allowed area of the hands", linestyle="--", color=LIGHT.muted
+        )
     _draw_box(axes, reached, "area used by the hands", linestyle=":", color=LIGHT.text)
-    for name, polygons in stage.standing.items():
+    for name, polygons in stage.obstacles.items():
         for polygon in polygons:
             axes.fill(polygon[:, 1], polygon[:, 0], color=STONE, linewidth=0.0, zorder=1.5)
         _write(axes, np.mean(polygons[0], axis=0), name, ha="center", va="center")
@@ -68,7 +70,7 @@ def plan(play: Play, reached: Box) -> Figure:
     return figure
 
 
-def _draw_player(axes: Axes, play: Play, stage: Overhead, name: str, colour: str) -> None:
+def _draw_player(axes: Axes, play: Play, stage: StagePlan, name: str, colour: str) -> None:
     """Draws a player's start and heading, and its paths with their start and end times."""
     from matplotlib.patches import Circle
 
@@ -88,7 +90,7 @@ def _draw_player(axes: Axes, play: Play, stage: Overhead, name: str, colour: str
         color=colour,
         weight="bold",
     )
-    for way in stage.ways[name]:
+    for way in stage.walks[name]:
         if np.ptp(way.places, axis=0).max() < 1e-3:
             continue
         axes.plot(way.places[:, 1], way.places[:, 0], color=colour, linewidth=1.6, zorder=2.5)
@@ -137,16 +139,16 @@ def _write(
     )
 
 
-def _extent(play: Play, stage: Overhead, reached: Box) -> tuple[np.ndarray, np.ndarray]:
+def _extent(play: Play, stage: StagePlan, reached: Box) -> tuple[np.ndarray, np.ndarray]:
     """Smallest and largest (x, y) of everything that is drawn [m]."""
     drawn = [np.array(reached).T]
-    if stage.space is not None:
-        drawn.append(np.array(stage.space).T)
+    if stage.hand_space is not None:
+        drawn.append(np.array(stage.hand_space).T)
     drawn += [np.array([at]) for at in stage.marks.values()]
-    drawn += [polygon for polygons in stage.standing.values() for polygon in polygons]
+    drawn += [polygon for polygons in stage.obstacles.values() for polygon in polygons]
     for name, start in stage.starts.items():
         radius = play.cast.players[name].radius
         drawn += [np.array([[start.x, start.y]]) + sign * radius for sign in (-1.0, 1.0)]
-        drawn += [way.places for way in stage.ways[name]]
+        drawn += [way.places for way in stage.walks[name]]
     points = np.concatenate(drawn)
     return points.min(axis=0) - _MARGIN, points.max(axis=0) + _MARGIN

@@ -3,15 +3,15 @@
 from fantoccini.theatre.cast import prop_gestures
 from fantoccini.theatre.cast.actors import Actor, Corrections
 from fantoccini.theatre.cast.casting import Cast, read_cast
-from fantoccini.theatre.cast.clips import CLIP_ENDING, Clip, is_clip, read_clip
+from fantoccini.theatre.cast.clips import CLIP_SUFFIX, Clip, is_clip, read_clip
 from fantoccini.theatre.cast.companies import (
     Company,
+    CompanyScene,
     Meeting,
     Span,
-    Staged,
-    in_scene,
-    spans,
-    staged,
+    company_scene,
+    company_spans,
+    gesture_in_scene,
     with_settled_props,
 )
 from fantoccini.theatre.cast.contacts import (
@@ -23,25 +23,25 @@ from fantoccini.theatre.cast.contacts import (
     sitting_pairs,
     standing_pairs,
 )
-from fantoccini.theatre.cast.cues import act_time_in_words, lane_name, play_timeline, when_of_shot
-from fantoccini.theatre.cast.extents import extent
-from fantoccini.theatre.cast.footing import Footing, Hindrance, NoWay, Way
-from fantoccini.theatre.cast.leashes import needed_lengths, rounded_up
+from fantoccini.theatre.cast.cues import act_time_in_words, lane_name, play_timeline, shot_time_keys
+from fantoccini.theatre.cast.extents import bounding_box
+from fantoccini.theatre.cast.footing import Footing, Hindrance, NoPath, Walk
+from fantoccini.theatre.cast.leashes import needed_lengths, rounded_up_to_cm
 from fantoccini.theatre.cast.physique import Physique
 from fantoccini.theatre.cast.players import Player
 from fantoccini.theatre.cast.prop_gestures import (
     Waypoints,
+    add_waypoints,
     carry_offsets,
     member_gesture,
     member_name,
+    reverse_waypoints,
     shifted,
-    sign_of,
-    sum_of_waypoints,
-    time_reversed,
+    side_sign,
 )
 from fantoccini.theatre.cast.props import PlayProp, PropState, obstacle_top
 from fantoccini.theatre.cast.result_cache import (
-    NUMBERS,
+    NUMBERS_FORMAT,
     OutOfTime,
     ResultCache,
     digest,
@@ -49,24 +49,25 @@ from fantoccini.theatre.cast.result_cache import (
     run_format,
 )
 from fantoccini.theatre.cast.starts import Places
-from fantoccini.theatre.cast.stops import ERRORS, CannotBegin, Stop
+from fantoccini.theatre.cast.stops import SIMULATION_ERRORS, CannotBegin, Stop
 
 __all__ = [
-    "CLIP_ENDING",
-    "ERRORS",
-    "NUMBERS",
+    "CLIP_SUFFIX",
+    "NUMBERS_FORMAT",
     "OTHER_SIDE",
+    "SIMULATION_ERRORS",
     "Actor",
     "CannotBegin",
     "Cast",
     "Clip",
     "Company",
+    "CompanyScene",
     "ContactBodies",
     "Corrections",
     "Footing",
     "Hindrance",
     "Meeting",
-    "NoWay",
+    "NoPath",
     "OutOfTime",
     "Pair",
     "Physique",
@@ -76,18 +77,20 @@ __all__ = [
     "PropState",
     "ResultCache",
     "Span",
-    "Staged",
     "Stop",
-    "Way",
+    "Walk",
     "Waypoints",
     "act_time_in_words",
+    "add_waypoints",
     "allowed_pairs",
+    "bounding_box",
     "carry_offsets",
+    "company_scene",
+    "company_spans",
     "digest",
-    "extent",
     "gesture_format",
+    "gesture_in_scene",
     "hanging_pair",
-    "in_scene",
     "is_clip",
     "lane_name",
     "member_gesture",
@@ -98,16 +101,13 @@ __all__ = [
     "prop_gestures",
     "read_cast",
     "read_clip",
-    "rounded_up",
+    "reverse_waypoints",
+    "rounded_up_to_cm",
     "run_format",
     "shifted",
-    "sign_of",
+    "shot_time_keys",
+    "side_sign",
     "sitting_pairs",
-    "spans",
-    "staged",
     "standing_pairs",
-    "sum_of_waypoints",
-    "time_reversed",
-    "when_of_shot",
     "with_settled_props",
 ]

@@ -9,7 +9,7 @@ import numpy as np
 
 from fantoccini.base import Array, Times
 from fantoccini.theatre.cast.cues import lane_name
-from fantoccini.theatre.cast.footing import Footing, Way
+from fantoccini.theatre.cast.footing import Footing, Walk
 from fantoccini.theatre.cast.players import Player
 from fantoccini.theatre.gestures import Gesture, Hands
 from fantoccini.theatre.script import Spot
@@ -25,27 +25,27 @@ class Actor:
     Attributes:
         player: member of the cast.
         hands: motion of its hands: walks in the first lane, gestures in the others.
-        ways: walks so far, in order.
-        done: end of the last cue [s].
-        away: whether it has left the stage.
+        walks: walks so far, in order.
+        busy_until: end of the last cue [s].
+        is_off_stage: whether it has left the stage.
     """
 
     player: Player
     hands: Hands
-    ways: tuple[Way, ...] = ()
-    done: float = 0.0
-    away: bool = False
+    walks: tuple[Walk, ...] = ()
+    busy_until: float = 0.0
+    is_off_stage: bool = False
 
     def footing_at(self, t: float) -> Footing:
         """Footing at a time [s]."""
-        way = next((way for way in reversed(self.ways) if way.begin <= t), None)
-        if way is None:
+        walk = next((walk for walk in reversed(self.walks) if walk.begin <= t), None)
+        if walk is None:
             return self.player.start
-        xy, heading = way.footing(np.array([t]))
+        xy, heading = walk.footing(np.array([t]))
         return Footing(float(xy[0, 0]), float(xy[0, 1]), float(heading[0]))
 
     @property
-    def last(self) -> Footing:
+    def last_footing(self) -> Footing:
         """Footing after all walks."""
         return self.footing_at(np.inf)
 
@@ -61,13 +61,13 @@ class Actor:
     def track(self) -> tuple[Times, Array]:
         """(T,) times and (T, 2) places, straight between them."""
         t, xy = [0.0], [[self.player.start.x, self.player.start.y]]
-        for way in self.ways:
-            if not way.steps:
+        for walk in self.walks:
+            if not walk.steps:
                 continue
-            own = np.append(np.arange(way.begin, way.end, _TRACK_INTERVAL), way.end)
-            own = own[own > t[-1]]
-            t += own.tolist()
-            xy += way.footing(own)[0].tolist()
+            times = np.append(np.arange(walk.begin, walk.end, _TRACK_INTERVAL), walk.end)
+            times = times[times > t[-1]]
+            t += times.tolist()
+            xy += walk.footing(times)[0].tolist()
         return np.array(t), np.array(xy)
 
 
@@ -76,28 +76,31 @@ class Corrections:
     """Corrections of cues that earlier rounds of compiling have found.
 
     Attributes:
-        earlier: (cue, player) -> lead of its hands, because limbs lag [s].
+        leads: (cue, player) -> lead of its hands, because limbs lag [s].
         pauses: cue -> delay of its beginning, until swing has decayed [s].
-        refused: cue -> reason why it cannot be done.
-        smaller: cue -> factor of its size.
-        handles: cue -> handle of the prop that is given or put down: distance from the elbow at
-            which it hangs, and its height [m].
-        calms: (cue, player) -> offsets of its hands that damp swing before it [m]; see
+        refusals: cue -> reason why it cannot be done.
+        size_factors: cue -> factor of its size.
+        handle_positions: cue -> handle of the prop that is given or put down: distance from the
+            elbow at which it hangs, and its height [m].
+        damping_offsets: (cue, player) -> offsets of its hands that damp swing before it [m]; see
             ``fantoccini.theatre.plays.calming``.
-        stands: cue -> footing of the prop that is picked up, or of the seat.
-        approaches: cue -> index of the approach to a seat that is tried.
+        prop_footings: cue -> footing of the prop that is picked up, or of the seat.
+        approach_indices: cue -> index of the approach to a seat that is tried.
     """
 
-    earlier: Mapping[tuple[Spot, str], float] = field(default_factory=dict)
+    leads: Mapping[tuple[Spot, str], float] = field(default_factory=dict)
     pauses: Mapping[Spot, float] = field(default_factory=dict)
-    refused: Mapping[Spot, str] = field(default_factory=dict)
-    smaller: Mapping[Spot, float] = field(default_factory=dict)
-    handles: Mapping[Spot, tuple[float, float]] = field(default_factory=dict)
-    calms: Mapping[tuple[Spot, str], tuple[float, ...]] = field(default_factory=dict)
-    stands: Mapping[Spot, Footing] = field(default_factory=dict)
-    approaches: Mapping[Spot, int] = field(default_factory=dict)
+    refusals: Mapping[Spot, str] = field(default_factory=dict)
+    size_factors: Mapping[Spot, float] = field(default_factory=dict)
+    handle_positions: Mapping[Spot, tuple[float, float]] = field(default_factory=dict)
+    damping_offsets: Mapping[tuple[Spot, str], tuple[float, ...]] = field(default_factory=dict)
+    prop_footings: Mapping[Spot, Footing] = field(default_factory=dict)
+    approach_indices: Mapping[Spot, int] = field(default_factory=dict)
 
-    def setting(self, kind: str, key: object, value: object | None) -> Corrections:
-        """A copy with one entry of the attribute ``kind`` set; None removes the entry."""
-        own = {**getattr(self, kind), key: value}
-        return replace(self, **{kind: {spot: own[spot] for spot in own if own[spot] is not None}})
+    def with_entry(self, attribute: str, key: object, value: object | None) -> Corrections:
+        """A copy with one entry of an attribute set; None removes the entry."""
+        entries = {**getattr(self, attribute), key: value}
+        return replace(
+            self,
+            **{attribute: {spot: entries[spot] for spot in entries if entries[spot] is not None}},
+        )

@@ -19,7 +19,7 @@ from fantoccini.motion import State
 from fantoccini.theatre.cast.contacts import Pair, allowed_pairs, contact_rules
 from fantoccini.theatre.cast.costumes import in_costume
 from fantoccini.theatre.cast.leashes import check_leashes, read_leashes
-from fantoccini.theatre.cast.players import Player, placed, values_of
+from fantoccini.theatre.cast.players import Player, moved_to_footing, values_by_name
 from fantoccini.theatre.cast.props import PlayProp, PropState, read_props
 from fantoccini.theatre.cast.starts import Places, start_of
 from fantoccini.theatre.gestures import BodyParts
@@ -46,7 +46,7 @@ class Cast:
 
     Attributes:
         players: players by name.
-        whole: scene of all players, props and obstacles.
+        marionette: scene of all players, props and obstacles.
         x0: state of the scene at the start.
         file: the play's file.
         props: props by name.
@@ -54,7 +54,7 @@ class Cast:
     """
 
     players: Mapping[str, Player]
-    whole: Marionette
+    marionette: Marionette
     x0: State
     file: PlayFile
     props: Mapping[str, PlayProp] = field(default_factory=dict)
@@ -67,7 +67,7 @@ class Cast:
             self.file, {who: player.bodies for who, player in self.players.items()}
         )
 
-    def member(self, name: str) -> str:
+    def prefix(self, name: str) -> str:
         """Prefix of a player's coordinates in the scene."""
         return f"{name}." if len(self.players) > 1 else ""
 
@@ -75,18 +75,18 @@ class Cast:
         """Name in the scene of a name such as ``pierrot.torso``; other names are unchanged."""
         if len(self.players) > 1:
             return name
-        (only,) = self.players
-        return name.removeprefix(f"{only}.")
+        (player_name,) = self.players
+        return name.removeprefix(f"{player_name}.")
 
     def owner(self, name: str) -> str:
         """Player that owns a body or string of the scene; for other names the name itself."""
         if len(self.players) == 1:
-            (only,) = self.players.values()
-            tree = only.marionette.tree
+            (player,) = self.players.values()
+            tree = player.marionette.tree
             names = {*(link.name for link in tree.links), *(string.name for string in tree.strings)}
-            return only.name if name in names else name
-        first = name.split(".")[0]
-        return first if first in self.players and "." in name else name
+            return player.name if name in names else name
+        prefix = name.split(".")[0]
+        return prefix if prefix in self.players and "." in name else name
 
 
 def read_cast(file: PlayFile, places: Places, log: ScriptLog) -> Cast:
@@ -98,22 +98,22 @@ def read_cast(file: PlayFile, places: Places, log: ScriptLog) -> Cast:
     _check_names(file, log)
     log.mistakes.refuse()
     puppets = {name: _puppet(spec, ("cast", name), log) for name, spec in file.cast.items()}
-    starts = {
+    start_footings = {
         name: start_of(file, spec, ("cast", name), places, log) for name, spec in file.cast.items()
     }
     for name, mark in file.stage.marks.items():
         places.direction(mark.facing, ("stage", "marks", name, "facing"))
     log.mistakes.refuse()
-    compiled: dict[tuple[str, str], tuple[Marionette, State, Pose]] = {}
+    by_file_and_pose: dict[tuple[str, str], tuple[Marionette, State, Pose]] = {}
     players, members = dict[str, Player](), []
     for name, spec in file.cast.items():
         puppet = puppets[name]
         assert puppet is not None
         try:
             key = spec.puppet, repr((spec.lift, sorted(spec.pose.items())))
-            if key not in compiled:
-                compiled[key] = _in_own_scene(file, puppet, spec)
-            marionette, rest_state, pose = compiled[key]
+            if key not in by_file_and_pose:
+                by_file_and_pose[key] = _in_own_scene(file, puppet, spec)
+            marionette, rest_state, pose = by_file_and_pose[key]
         except (PuppetError, UnknownNameError) as error:
             log.mistakes.add(("cast", name), str(error))
             continue
@@ -121,16 +121,16 @@ def read_cast(file: PlayFile, places: Places, log: ScriptLog) -> Cast:
             text = f"does not hang there with `lift: {spec.lift:g}`: {error}"
             log.mistakes.add(("cast", name), text)
             continue
-        fixed_reason = _fixed_reason(marionette)
-        if fixed_reason:
+        reason = _fixed_reason(marionette)
+        if reason:
             text = (
-                f"{spec.puppet} cannot be placed on the stage: {fixed_reason}; needed: a puppet "
+                f"{spec.puppet} cannot be placed on the stage: {reason}; needed: a puppet "
                 "that hangs free"
             )
             log.mistakes.add(("cast", name, "puppet"), text)
             continue
-        x0 = placed(marionette, rest_state, starts[name])
-        players[name] = Player(name, marionette, rest_state, x0, starts[name])
+        x0 = moved_to_footing(marionette, rest_state, start_footings[name])
+        players[name] = Player(name, marionette, rest_state, x0, start_footings[name])
         # Only the stage has costumes, so that a file's own scene is compiled once.
         costumed = in_costume(puppet, spec.colours, ("cast", name, "colours"), log)
         members.append(Member(name=name, puppet=costumed, pose=pose))
@@ -138,13 +138,15 @@ def read_cast(file: PlayFile, places: Places, log: ScriptLog) -> Cast:
     _check_bodies(file, players, log)
     log.mistakes.refuse()
     marionettes = {name: player.marionette for name, player in players.items()}
-    props = read_props(file, starts, marionettes, places, log)
+    props = read_props(file, start_footings, marionettes, places, log)
     leashes = read_leashes(file, players, log)
     log.mistakes.refuse()
     stage = file.stage
-    only = f"{next(iter(players))}." if len(players) == 1 else ""
-    bodies = {name: player.bodies for name, player in players.items()}
-    rules = contact_rules(allowed_pairs(file, bodies), lambda part: part.removeprefix(only))
+    removed_prefix = f"{next(iter(players))}." if len(players) == 1 else ""
+    contact_bodies = {name: player.bodies for name, player in players.items()}
+    rules = contact_rules(
+        allowed_pairs(file, contact_bodies), lambda part: part.removeprefix(removed_prefix)
+    )
     try:
         scene = Scene(
             scene=file.play,
@@ -155,20 +157,20 @@ def read_cast(file: PlayFile, places: Places, log: ScriptLog) -> Cast:
             props=tuple(prop.prop for prop in props.values()),
             contact=rules if rules.pairs else None,
         )
-        whole = Marionette(scene)
+        stage_marionette = Marionette(scene)
     except (PuppetError, FileError) as error:
         for mistake in error.mistakes:
             log.mistakes.add(("stage",), f"{mistake.key}: {mistake.message}")
         log.mistakes.refuse()
     prop_states = {name: prop.start for name, prop in props.items()}
-    x0 = all_together(whole, players, prop_states)
-    check_leashes(file, whole, x0, log)
-    return Cast(players, whole, x0, file, props, prop_states)
+    x0 = combined_start_state(stage_marionette, players, prop_states)
+    check_leashes(file, stage_marionette, x0, log)
+    return Cast(players, stage_marionette, x0, file, props, prop_states)
 
 
 def _check_names(file: PlayFile, log: ScriptLog) -> None:
     """Records names that are used twice."""
-    taken: dict[str, str] = {
+    used_names: dict[str, str] = {
         **dict.fromkeys(DIRECTIONS, "a direction"),
         "all": "all players",
         FLOOR: "the floor",
@@ -185,34 +187,42 @@ def _check_names(file: PlayFile, log: ScriptLog) -> None:
         ),
     ]
     for spot, name, kind in entries:
-        if name in taken:
-            log.mistakes.add(spot, f"{name!r} is the name of {taken[name]}; needed: another name")
-        taken.setdefault(name, kind)
+        if name in used_names:
+            log.mistakes.add(
+                spot, f"{name!r} is the name of {used_names[name]}; needed: another name"
+            )
+        used_names.setdefault(name, kind)
 
 
 def _check_bodies(file: PlayFile, players: Mapping[str, Player], log: ScriptLog) -> None:
     """Records cues and props whose players lack the limbs for a seat or the prop."""
-    needs: list[tuple[Spot, str, str, tuple[str, ...]]] = [
+    requirements: list[tuple[Spot, str, str, tuple[str, ...]]] = [
         (("props", name, "held by"), "hold it", prop.held_by, (f"arm_{prop.side}",))
         for name, prop in file.props.items()
         if prop.held_by is not None
     ]
-    for a, act in enumerate(file.acts):
-        for c, cue in enumerate(act.cues):
+    for act_index, act in enumerate(file.acts):
+        for cue_index, cue in enumerate(act.cues):
             verb = spelled(cue.verb)
-            names = {kind: getattr(cue, key) for key, kind in VERBS[cue.verb].names.items()}
-            limbs = _needed_limbs(names)
-            others = [names["player"]] if "prop" in names and "player" in names else []
-            for who in (*cue.who[:1], *others):
-                needs.append((("acts", a, "cues", c, verb), f"do `{verb}`", who, limbs))
-    for spot, action, who, limbs in needs:
+            names_by_kind = {kind: getattr(cue, key) for key, kind in VERBS[cue.verb].names.items()}
+            limbs = _needed_limbs(names_by_kind)
+            receivers = (
+                [names_by_kind["player"]]
+                if "prop" in names_by_kind and "player" in names_by_kind
+                else []
+            )
+            for who in (*cue.who[:1], *receivers):
+                requirements.append(
+                    (("acts", act_index, "cues", cue_index, verb), f"do `{verb}`", who, limbs)
+                )
+    for spot, action, who, limbs in requirements:
         if who not in players or not limbs:
             continue
         try:
             parts = BodyParts.of(players[who].marionette).body_map.parts
             missing = [limb for limb in limbs if limb not in parts]
-            listed = ", ".join(parts) or "no limbs"
-            reason = f"{file.cast[who].puppet} has no {', '.join(missing)}; it has {listed}"
+            available = ", ".join(parts) or "no limbs"
+            reason = f"{file.cast[who].puppet} has no {', '.join(missing)}; it has {available}"
         except StateError as error:
             missing, reason = list(limbs), f"{file.cast[who].puppet}: {error}"
         if missing:
@@ -249,14 +259,16 @@ def _in_own_scene(
     file: PlayFile, puppet: Puppet, spec: PlayerFile
 ) -> tuple[Marionette, State, Pose]:
     """A player's puppet in its own scene, its lifted rest, and the pose of that rest."""
-    as_written = Marionette(_scene_of_one(file, puppet, dict(spec.pose)))
-    rest_state = as_written.rest()
-    table = as_written.coordinates
-    lifted = {
+    unlifted = Marionette(_scene_of_one(file, puppet, dict(spec.pose)))
+    rest_state = unlifted.rest()
+    table = unlifted.coordinates
+    lengths = {
         name: float(rest_state[name] - spec.lift) for name in table.q_K if name.endswith(".length")
     }
-    roots = {name: float(rest_state[name] + spec.lift) for name in table.q_D if name.endswith(".z")}
-    pose = {**spec.pose, **lifted, **roots}
+    heights = {
+        name: float(rest_state[name] + spec.lift) for name in table.q_D if name.endswith(".z")
+    }
+    pose = {**spec.pose, **lengths, **heights}
     marionette = Marionette(_scene_of_one(file, puppet, pose))
     return marionette, marionette.rest(), pose
 
@@ -281,21 +293,21 @@ def _fixed_reason(marionette: Marionette) -> str:
     return ""
 
 
-def all_together(
-    whole: Marionette, players: Mapping[str, Player], prop_states: Mapping[str, PropState]
+def combined_start_state(
+    marionette: Marionette, players: Mapping[str, Player], prop_states: Mapping[str, PropState]
 ) -> State:
     """State of all players and props at the start."""
-    x = whole.state()
+    x = marionette.state()
     q_D, q_K = np.array(x.q_D), np.array(x.q_K)
     for player in players.values():
         prefix = f"{player.name}." if len(players) > 1 else ""
-        for name, value in values_of(player.marionette, player.x0).items():
+        for name, value in values_by_name(player.marionette, player.x0).items():
             coordinate = prefix + name
-            if coordinate in whole.coordinates.q_D:
-                q_D[whole.coordinates.q_D.index(coordinate)] = value
+            if coordinate in marionette.coordinates.q_D:
+                q_D[marionette.coordinates.q_D.index(coordinate)] = value
             else:
-                q_K[whole.coordinates.q_K.index(coordinate)] = value
+                q_K[marionette.coordinates.q_K.index(coordinate)] = value
     for name, (q, _) in prop_states.items():
-        first = whole.coordinates.q_D.index(f"{name}.x")
-        q_D[first : first + len(q)] = q
+        index = marionette.coordinates.q_D.index(f"{name}.x")
+        q_D[index : index + len(q)] = q
     return dataclasses.replace(x, q_D=q_D, q_K=q_K)

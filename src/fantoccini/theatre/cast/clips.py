@@ -41,13 +41,13 @@ _SPEED_FACTORS = (0.8, 0.64, 0.5)
 """Factors of the speed that are tried if a clip is too fast."""
 
 
-CLIP_ENDING = ".bvh"
+CLIP_SUFFIX = ".bvh"
 """Ending of the name of a clip."""
 
 
 def is_clip(path: Path) -> bool:
     """Whether a file's name is that of a clip."""
-    return path.suffix.lower() == CLIP_ENDING
+    return path.suffix.lower() == CLIP_SUFFIX
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,11 +56,11 @@ class Clip:
 
     Attributes:
         placed: targets of the player's parts.
-        content: hash of the player, the clip and its mapping.
+        content_hash: hash of the player, the clip and its mapping.
     """
 
     placed: PlacedClip
-    content: str
+    content_hash: str
 
     @property
     def marks(self) -> Mapping[str, float]:
@@ -89,33 +89,35 @@ class Clip:
         Raises:
             StateError: the player cannot follow it; the message gives a possible speed.
         """
-        size = max(1.0, larger)
-        bounds = stage.speed / size, stage.acceleration / size
+        scale = max(1.0, larger)
+        bounds = stage.speed / scale, stage.acceleration / scale
 
-        form = _disk_format(self.placed.figure.marionette)
+        disk_format = _disk_format(self.placed.figure.marionette)
 
-        def follow(faster: float, lasts: float | None) -> tuple[Gesture, str]:
-            key = repr((self.content, "clip", faster, lasts, *bounds))
+        def followed_gesture(faster: float, lasts: float | None) -> tuple[Gesture, str]:
+            key = repr((self.content_hash, "clip", faster, lasts, *bounds))
             job = partial(_followed, self.placed, faster, lasts, bounds)
-            return cache.get(key, job, form)
+            return cache.get(key, job, disk_format)
 
         try:
-            gesture, deviation = follow(faster, lasts)
+            gesture, deviation = followed_gesture(faster, lasts)
         except TooShortError as error:
             raise TooShortError(error.name, error.lasts, error.leads, beat) from None
         if not deviation:
             return gesture
         text = f"within {bounds[0]:.3g} m/s and {bounds[1]:.3g} m/s^2 {deviation}"
-        for share in _SPEED_FACTORS:
+        for factor in _SPEED_FACTORS:
             try:
-                slower, deviation = follow(share * faster, None if lasts is None else lasts / share)
+                slower_gesture, deviation = followed_gesture(
+                    factor * faster, None if lasts is None else lasts / factor
+                )
             except StateError:
                 continue
             if not deviation:
-                option = f"`faster: {share * faster:.2g}`"
+                remedy = f"`faster: {factor * faster:.2g}`"
                 if lasts is not None:
-                    option = f"`lasts: {slower.duration / beat:.3g}`"
-                raise StateError(f"{text}; with {option} it can be done")
+                    remedy = f"`lasts: {slower_gesture.duration / beat:.3g}`"
+                raise StateError(f"{text}; with {remedy} it can be done")
         raise StateError(f"{text}, and at half its speed as well")
 
 
@@ -131,14 +133,14 @@ def _followed(
 
 def _disk_format(marionette: Marionette) -> DiskFormat[tuple[Gesture, str]]:
     """Disk format of a puppet's gestures with their deviations in words."""
-    form = gesture_format(marionette)
+    of_gesture = gesture_format(marionette)
 
     def pack(followed: tuple[Gesture, str]) -> list[Array]:
         gesture, deviation = followed
-        return [text_array(deviation), *form.pack(gesture)]
+        return [text_array(deviation), *of_gesture.pack(gesture)]
 
     def unpack(arrays: Sequence[Array]) -> tuple[Gesture, str]:
-        return form.unpack(arrays[1:]), str(text_in(arrays[0]))
+        return of_gesture.unpack(arrays[1:]), str(text_in(arrays[0]))
 
     return DiskFormat(pack, unpack)
 
@@ -157,26 +159,34 @@ def read_clip(player: Player, path: Path) -> Clip:
         FileError: mistakes in the files, or missing joints.
         StateError: the player does not have the bodies of a person.
     """
-    own = path.with_suffix(".yaml")
-    mapping = load_mapping(own) if os.path.isfile(own) and has_key(own, "mapping") else None
+    mapping_path = path.with_suffix(".yaml")
+    mapping = (
+        load_mapping(mapping_path)
+        if os.path.isfile(mapping_path) and has_key(mapping_path, "mapping")
+        else None
+    )
     try:
         placed = place_on_spot(player.marionette, path, mapping, player.rest_state)
     except FileError as error:
         if mapping is not None:
             raise
-        raise FileError([_hinted(mistake, own.name) for mistake in error.mistakes]) from None
+        raise FileError(
+            [_hinted(mistake, mapping_path.name) for mistake in error.mistakes]
+        ) from None
     for note in placed.clip.notes:
         if DOUBTFUL in note:
             warnings.warn(note, stacklevel=2)
-    h = hashlib.blake2b(player.content.encode())
-    h.update(path.read_bytes())
-    h.update(b"" if mapping is None else own.read_bytes())
-    return Clip(placed, h.hexdigest())
+    hasher = hashlib.blake2b(player.content_hash.encode())
+    hasher.update(path.read_bytes())
+    hasher.update(b"" if mapping is None else mapping_path.read_bytes())
+    return Clip(placed, hasher.hexdigest())
 
 
-def _hinted(mistake: Mistake, own: str) -> Mistake:
+def _hinted(mistake: Mistake, mapping_name: str) -> Mistake:
     """A mistake with the name that a mapping file of the clip would have."""
-    text = mistake.message.replace("give a mapping file", f"give a mapping file {own} beside it")
+    text = mistake.message.replace(
+        "give a mapping file", f"give a mapping file {mapping_name} beside it"
+    )
     return Mistake(mistake.file, mistake.line, mistake.key, text)
 
 

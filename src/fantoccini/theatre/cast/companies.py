@@ -19,9 +19,9 @@ from fantoccini.model.puppet import FLOOR, Mesh
 from fantoccini.model.scene import Member, Scene
 from fantoccini.model.tree import CoordinateTable
 from fantoccini.motion import State, pieces
-from fantoccini.theatre.cast.casting import Cast, all_together
+from fantoccini.theatre.cast.casting import Cast, combined_start_state
 from fantoccini.theatre.cast.contacts import Pair, contact_rules, hanging_pair
-from fantoccini.theatre.cast.players import placed
+from fantoccini.theatre.cast.players import moved_to_footing
 from fantoccini.theatre.cast.props import PropState
 from fantoccini.theatre.cast.result_cache import ResultCache
 from fantoccini.theatre.gestures import Gesture
@@ -39,7 +39,7 @@ class Meeting:
         kind: whether a prop ``hangs`` on a forearm, is ``given``, ``put`` or ``picked`` up, or
             somebody ``sits``.
         cue: keys of the cue that begins it; None for one that exists at the start.
-        bears: times between which a seat carries the sitter [s].
+        bearing_interval: times between which a seat carries the sitter [s].
     """
 
     begin: float
@@ -49,7 +49,7 @@ class Meeting:
     pairs: frozenset[Pair]
     kind: MeetingKind
     cue: Spot | None = None
-    bears: tuple[float, float] = (0.0, 0.0)
+    bearing_interval: tuple[float, float] = (0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -66,12 +66,14 @@ class Company:
     pairs: frozenset[Pair] = frozenset()
 
     @property
-    def rests(self) -> bool:
+    def has_resting_contact(self) -> bool:
         """Whether somebody sits, or a prop stands on something other than the floor."""
         props = {*self.props}
-        arms = [bool(pair & props) and any("." in name for name in pair) for pair in self.pairs]
-        floors = [FLOOR in pair and bool(pair & props) for pair in self.pairs]
-        return not all(a or b for a, b in zip(arms, floors, strict=True))
+        on_forearm = [
+            bool(pair & props) and any("." in name for name in pair) for pair in self.pairs
+        ]
+        on_floor = [FLOOR in pair and bool(pair & props) for pair in self.pairs]
+        return not all(a or b for a, b in zip(on_forearm, on_floor, strict=True))
 
 
 @dataclass(frozen=True)
@@ -88,7 +90,9 @@ class Span:
     end: float
 
 
-def spans(players: Sequence[str], meetings: Iterable[Meeting], end: float) -> tuple[Span, ...]:
+def company_spans(
+    players: Sequence[str], meetings: Iterable[Meeting], end: float
+) -> tuple[Span, ...]:
     """Companies of a play over time, in order of their beginnings.
 
     Args:
@@ -97,18 +101,22 @@ def spans(players: Sequence[str], meetings: Iterable[Meeting], end: float) -> tu
         end: end of the play [s].
     """
     meetings = [meeting for meeting in meetings if meeting.begin < min(meeting.end, end)]
-    cuts = sorted(
+    boundaries = sorted(
         {0.0, end, *(min(t, end) for meeting in meetings for t in (meeting.begin, meeting.end))}
     )
-    begins: dict[Company, float] = {}
+    begin_times: dict[Company, float] = {}
     intervals = []
-    for begin, until in pairwise(cuts):
-        present = _companies(players, [m for m in meetings if m.begin <= begin and m.end >= until])
-        for ended in [company for company in begins if company not in present]:
-            intervals.append(Span(ended, begins.pop(ended), begin))
-        for company in present:
-            begins.setdefault(company, begin)
-    intervals += [Span(company, begin, end) for company, begin in begins.items()]
+    for begin, until in pairwise(boundaries):
+        present_companies = _companies(
+            players, [m for m in meetings if m.begin <= begin and m.end >= until]
+        )
+        for ended_company in [
+            company for company in begin_times if company not in present_companies
+        ]:
+            intervals.append(Span(ended_company, begin_times.pop(ended_company), begin))
+        for company in present_companies:
+            begin_times.setdefault(company, begin)
+    intervals += [Span(company, begin, end) for company, begin in begin_times.items()]
     return tuple(sorted(intervals, key=lambda span: (span.begin, span.company.players)))
 
 
@@ -117,21 +125,21 @@ def _companies(players: Sequence[str], meetings: Sequence[Meeting]) -> list[Comp
     groups: list[set[str]] = [{name} for name in players]
     for meeting in meetings:
         members = {*meeting.players, *meeting.props}
-        joined = [group for group in groups if group & members]
-        groups = [group for group in groups if group not in joined]
-        groups.append(members.union(*joined))
+        touched_groups = [group for group in groups if group & members]
+        groups = [group for group in groups if group not in touched_groups]
+        groups.append(members.union(*touched_groups))
     order = {name: i for i, name in enumerate(players)}
     companies = []
     for group in groups:
-        group_meetings = [m for m in meetings if group & {*m.players, *m.props}]
-        pairs = frozenset[Pair]().union(*(m.pairs for m in group_meetings))
+        member_meetings = [m for m in meetings if group & {*m.players, *m.props}]
+        pairs = frozenset[Pair]().union(*(m.pairs for m in member_meetings))
         group_players = tuple(sorted(group & {*players}, key=order.__getitem__))
         companies.append(Company(group_players, tuple(sorted(group - {*players})), pairs))
     return sorted(companies, key=lambda company: [order[name] for name in company.players])
 
 
 @dataclass(frozen=True, eq=False)
-class Staged:
+class CompanyScene:
     """Scene of a company.
 
     Attributes:
@@ -140,7 +148,7 @@ class Staged:
         prefixes: player -> prefix of the names of its parts in the scene.
         props: prop -> name in the scene.
         obstacles: obstacle that may be touched -> name in the scene.
-        content: key that determines the scene.
+        content_key: key that determines the scene.
     """
 
     company: Company
@@ -148,66 +156,72 @@ class Staged:
     prefixes: Mapping[str, str]
     props: Mapping[str, str]
     obstacles: Mapping[str, str]
-    content: str
+    content_key: str
 
     def motion(self, motions: Mapping[str, Gesture]) -> Gesture:
         """Gesture of the scene from those of the players, each in its own coordinates."""
         table = self.marionette.coordinates
-        whole, *others = (
-            in_scene(table, prefix, motions[name]) for name, prefix in self.prefixes.items()
+        motion, *other_motions = (
+            gesture_in_scene(table, prefix, motions[name]) for name, prefix in self.prefixes.items()
         )
-        for other in others:
-            whole += other
-        return whole
+        for other_motion in other_motions:
+            motion += other_motion
+        return motion
 
     def state(self, players: Mapping[str, State], props: Mapping[str, PropState]) -> State:
         """State of the scene from those of its members."""
         tree, x = self.marionette.tree, self.marionette.state()
         table = self.marionette.coordinates
-        parts = {name: np.array(getattr(x, name)) for name in ("q_D", "v_D", "q_K", "v_K")}
-        rows = [*(string.name for string in tree.strings), *(limit.name for limit in tree.limits)]
-        taut, slip = np.zeros(len(rows), dtype=bool), np.zeros(len(tree.strings))
+        arrays = {name: np.array(getattr(x, name)) for name in ("q_D", "v_D", "q_K", "v_K")}
+        row_names = [
+            *(string.name for string in tree.strings),
+            *(limit.name for limit in tree.limits),
+        ]
+        taut, slip = np.zeros(len(row_names), dtype=bool), np.zeros(len(tree.strings))
         for name, prefix in self.prefixes.items():
             player = players[name]
             assert player.coordinates is not None
-            for part, values in parts.items():
-                names = getattr(player.coordinates, part)
-                indices = [getattr(table, part).index(prefix + coordinate) for coordinate in names]
-                values[indices] = getattr(player, part)
-            player_rows = [i for i, row in enumerate(rows) if row.startswith(prefix)]
+            for array_name, values in arrays.items():
+                player_names = getattr(player.coordinates, array_name)
+                indices = [
+                    getattr(table, array_name).index(prefix + coordinate)
+                    for coordinate in player_names
+                ]
+                values[indices] = getattr(player, array_name)
+            player_rows = [i for i, row in enumerate(row_names) if row.startswith(prefix)]
             taut[player_rows] = player.taut
             strings = [i for i in player_rows if i < len(slip)]
             slip[strings] = player.slip if len(player.slip) else 0.0
         for name, local in self.props.items():
-            for part, values in zip(("q_D", "v_D"), props[name], strict=True):
-                first = getattr(table, part).index(f"{local}.x")
-                parts[part][first : first + len(values)] = values
-        return State(0.0, **parts, taut=taut, slip=slip, coordinates=table)
+            for array_name, values in zip(("q_D", "v_D"), props[name], strict=True):
+                start = getattr(table, array_name).index(f"{local}.x")
+                arrays[array_name][start : start + len(values)] = values
+        return State(0.0, **arrays, taut=taut, slip=slip, coordinates=table)
 
     def local(self, name: str) -> str:
         """Name in the scene of a body, a prop, an obstacle or the floor of the stage."""
         for scene_names in (self.props, self.obstacles):
             if name in scene_names:
                 return scene_names[name]
-        first, dot, rest = name.partition(".")
-        if dot and first in self.prefixes:
-            return self.prefixes[first] + rest
+        player, dot, local_name = name.partition(".")
+        if dot and player in self.prefixes:
+            return self.prefixes[player] + local_name
         return name
 
     def on_stage(self, name: str) -> str:
         """Name on the stage of a body, a prop, an obstacle or the floor of the scene."""
         for scene_names in (self.props, self.obstacles):
-            for original, local in scene_names.items():
-                if name == local or name.startswith(f"{local}."):
-                    return original + name.removeprefix(local)
+            for stage_name, scene_name in scene_names.items():
+                if name == scene_name or name.startswith(f"{scene_name}."):
+                    return stage_name + name.removeprefix(scene_name)
         for player, prefix in self.prefixes.items():
             if prefix and name.startswith(prefix):
                 return f"{player}.{name.removeprefix(prefix)}"
-        (only,) = self.prefixes if len(self.prefixes) == 1 else ("",)
-        return name if name == FLOOR or not only else f"{only}.{name}"
+        (player_name,) = self.prefixes if len(self.prefixes) == 1 else ("",)
+        return name if name == FLOOR or not player_name else f"{player_name}.{name}"
 
 
-def staged(cast: Cast, company: Company, cache: ResultCache) -> Staged:
+def company_scene(cast: Cast, company: Company, cache: ResultCache) -> CompanyScene:
     """Scene of a company.
 
     Args:
@@ -217,30 +231,39 @@ def staged(cast: Cast, company: Company, cache: ResultCache) -> Staged:
     """
     players = [cast.players[name] for name in company.players]
     if len(players) == 1 and not company.props and not company.pairs:
-        (only,) = players
-        return Staged(company, only.marionette, {only.name: ""}, {}, {}, only.content)
-    things = [cast.props[name] for name in company.props]
-    used = {name for pair in company.pairs for name in pair}
-    stand = [obstacle for obstacle in cast.file.stage.obstacles if obstacle.name in used]
+        (player,) = players
+        return CompanyScene(
+            company, player.marionette, {player.name: ""}, {}, {}, player.content_hash
+        )
+    props_of_company = [cast.props[name] for name in company.props]
+    touched_names = {name for pair in company.pairs for name in pair}
+    obstacles_of_company = [
+        obstacle for obstacle in cast.file.stage.obstacles if obstacle.name in touched_names
+    ]
     is_single = len(players) == 1
     prefixes = {
         player.name: "" if is_single else f"player_{i}." for i, player in enumerate(players, 1)
     }
-    props = {thing.name: f"prop_{i}" for i, thing in enumerate(things, 1)}
+    props = {prop.name: f"prop_{i}" for i, prop in enumerate(props_of_company, 1)}
     # Names do not depend on those on the stage, so that equal scenes are compiled once.
-    names = {obstacle.name: f"obstacle_{i}" for i, obstacle in enumerate(stand, 1)}
+    obstacle_names = {
+        obstacle.name: f"obstacle_{i}" for i, obstacle in enumerate(obstacles_of_company, 1)
+    }
     obstacles = tuple(
-        obstacle.model_copy(update={"name": names[obstacle.name]}) for obstacle in stand
+        obstacle.model_copy(update={"name": obstacle_names[obstacle.name]})
+        for obstacle in obstacles_of_company
     )
-    solids = [*obstacles, *(shape for thing in things for shape in thing.prop.shapes)]
-    local = Staged(company, players[0].marionette, prefixes, props, names, "").local
-    content = repr(
+    shapes = [*obstacles, *(shape for prop in props_of_company for shape in prop.prop.shapes)]
+    local_name = CompanyScene(
+        company, players[0].marionette, prefixes, props, obstacle_names, ""
+    ).local
+    content_key = repr(
         (
-            [player.content for player in players],
-            [thing.content for thing in things],
-            sorted(sorted(map(local, pair)) for pair in company.pairs),
+            [player.content_hash for player in players],
+            [prop.content_key for prop in props_of_company],
+            sorted(sorted(map(local_name, pair)) for pair in company.pairs),
             [repr(obstacle) for obstacle in obstacles],
-            [solid.digest() for solid in solids if isinstance(solid, Mesh)],
+            [solid.digest() for solid in shapes if isinstance(solid, Mesh)],
             cast.file.stage.floor,
         )
     )
@@ -249,20 +272,20 @@ def staged(cast: Cast, company: Company, cache: ResultCache) -> Staged:
         scene = Scene(
             scene="company",
             floor=cast.file.stage.floor,
-            contact=contact_rules(company.pairs, local),
+            contact=contact_rules(company.pairs, local_name),
             puppets=tuple(
                 Member(name=f"player_{i}", puppet=player.marionette.puppet)
                 for i, player in enumerate(players, 1)
             ),
             props=tuple(
-                thing.prop.model_copy(update={"name": props[thing.name]}) for thing in things
+                prop.prop.model_copy(update={"name": props[prop.name]}) for prop in props_of_company
             ),
             obstacles=obstacles,
         )
         return Marionette(scene)
 
-    marionette = cache.get(f"company {content}", build)
-    return Staged(company, marionette, prefixes, props, names, content)
+    marionette = cache.get(f"company {content_key}", build)
+    return CompanyScene(company, marionette, prefixes, props, obstacle_names, content_key)
 
 
 def with_settled_props(cast: Cast, cache: ResultCache) -> Cast:
@@ -273,33 +296,33 @@ def with_settled_props(cast: Cast, cache: ResultCache) -> Cast:
     """
     players, prop_states = dict(cast.players), dict(cast.prop_states)
     for who, player in cast.players.items():
-        held = [prop for prop in cast.props.values() if prop.held_by == who]
-        if not held:
+        held_props = [prop for prop in cast.props.values() if prop.held_by == who]
+        if not held_props:
             continue
-        pairs = frozenset(hanging_pair(player.bodies, prop.side, prop.name) for prop in held)
-        company = Company((who,), tuple(prop.name for prop in held), pairs)
-        stage = staged(cast, company, cache)
+        pairs = frozenset(hanging_pair(player.bodies, prop.side, prop.name) for prop in held_props)
+        company = Company((who,), tuple(prop.name for prop in held_props), pairs)
+        scene = company_scene(cast, company, cache)
         # A handle's place is given on the arm of the puppet as its file has it.
-        as_written = placed(player.marionette, player.marionette.state(), player.start)
-        x = stage.marionette.rest(stage.state({who: as_written}, prop_states))
-        table = stage.marionette.coordinates
+        as_written = moved_to_footing(player.marionette, player.marionette.state(), player.start)
+        x = scene.marionette.rest(scene.state({who: as_written}, prop_states))
+        table = scene.marionette.coordinates
         q_D = np.array([float(x[name]) for name in player.marionette.coordinates.q_D])
         players[who] = dataclasses.replace(player, x0=player.x0.replace(q_D=q_D))
-        for prop in held:
-            first = table.q_D.index(f"{stage.props[prop.name]}.x")
-            prop_states[prop.name] = (x.q_D[first : first + 7], np.zeros(6))
-    x0 = all_together(cast.whole, players, prop_states)
+        for prop in held_props:
+            index = table.q_D.index(f"{scene.props[prop.name]}.x")
+            prop_states[prop.name] = (x.q_D[index : index + 7], np.zeros(6))
+    x0 = combined_start_state(cast.marionette, players, prop_states)
     return dataclasses.replace(cast, players=players, prop_states=prop_states, x0=x0)
 
 
-def in_scene(table: CoordinateTable, prefix: str, gesture: Gesture) -> Gesture:
+def gesture_in_scene(table: CoordinateTable, prefix: str, gesture: Gesture) -> Gesture:
     """A player's gesture in the coordinates of a scene, in which its names have a prefix."""
     channels = pieces.channel_names(table)
     coef: Array = np.zeros((len(gesture.coef), table.n_vK, gesture.coef.shape[2]))
     named, travel = np.zeros(table.n_vK, dtype=bool), np.zeros(table.n_vK)
     for channel, (_, v) in pieces.channel_names(gesture.coordinates).items():
-        to = channels[prefix + channel][1]
-        coef[:, to], named[to] = gesture.coef[:, v], gesture.named[v]
-        travel[to] = gesture.travel[v]
+        v_scene = channels[prefix + channel][1]
+        coef[:, v_scene], named[v_scene] = gesture.coef[:, v], gesture.named[v]
+        travel[v_scene] = gesture.travel[v]
     name, marks = gesture.name, gesture.marks
     return Gesture(table, gesture.breaks, coef, named, travel, name, marks, gesture.turns)

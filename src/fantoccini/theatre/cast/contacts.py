@@ -46,8 +46,8 @@ class ContactBodies:
         arms = {limb.side: forearm_of(limb) for limb in body_map.limbs if limb.kind == "arm"}
         legs = [limb.bodies for limb in body_map.limbs if limb.kind == "leg"]
         head = () if body_map.head is None else (body_map.head.body,)
-        seated = (*(body for leg in legs for body in leg[:-1]), *body_map.trunk, *head)
-        feet = tuple(leg[-1] for leg in legs)
+        seated = (*(body for bodies in legs for body in bodies[:-1]), *body_map.trunk, *head)
+        feet = tuple(bodies[-1] for bodies in legs)
         return cls(
             player,
             {side: f"{player}.{body}" for side, body in arms.items()},

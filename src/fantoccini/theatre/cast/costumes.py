@@ -24,15 +24,21 @@ def in_costume(puppet: Puppet, colours: Mapping[str, str], spot: Spot, log: Scri
     """
     if not colours:
         return puppet
-    whole = puppet.expanded()
-    shapes = [shape for body in whole.bodies for shape in body.shapes]
-    known = {part.colour for part in (*shapes, *whole.strings) if part.colour is not None}
-    names = {body.name for body in whole.bodies}
+    expanded = puppet.expanded()
+    shapes = [shape for body in expanded.bodies for shape in body.shapes]
+    colours_of_puppet = {
+        part.colour for part in (*shapes, *expanded.strings) if part.colour is not None
+    }
+    body_names = {body.name for body in expanded.bodies}
     for key in colours:
-        if key not in known | names:
-            listed = ", ".join(sorted(known)) or "none"
-            text = f"found {key!r}; needed: one of the puppet's colours ({listed}) or of its bodies"
-            log.mistakes.add((*spot, key), text + nearest(key, sorted(known | names)))
+        if key not in colours_of_puppet | body_names:
+            allowed = ", ".join(sorted(colours_of_puppet)) or "none"
+            text = (
+                f"found {key!r}; needed: one of the puppet's colours ({allowed}) or of its bodies"
+            )
+            log.mistakes.add(
+                (*spot, key), text + nearest(key, sorted(colours_of_puppet | body_names))
+            )
 
     def recoloured(part: T, body: str = "") -> T:
         colour = colours.get(body) or colours.get(part.colour or "", part.colour)
@@ -42,7 +48,7 @@ def in_costume(puppet: Puppet, colours: Mapping[str, str], spot: Spot, log: Scri
         body.model_copy(
             update={"shapes": tuple(recoloured(shape, body.name) for shape in body.shapes)}
         )
-        for body in whole.bodies
+        for body in expanded.bodies
     )
-    strings = tuple(recoloured(string) for string in whole.strings)
-    return whole.model_copy(update={"bodies": bodies, "strings": strings})
+    strings = tuple(recoloured(string) for string in expanded.strings)
+    return expanded.model_copy(update={"bodies": bodies, "strings": strings})

@@ -54,21 +54,21 @@ def play_timeline(
         log: collects mistakes.
     """
     acts: list[list[Cue[PlayCue]]] = []
-    last: dict[str, Cue[PlayCue]] = {}
+    last_cue: dict[str, Cue[PlayCue]] = {}
     cues: list[Cue[PlayCue]] = []
-    for a, act in enumerate(file.acts):
+    for act_index, act in enumerate(file.acts):
         acts.append([])
-        for i, entry in enumerate(act.cues):
-            spot: Spot = ("acts", a, "cues", i)
+        for cue_index, entry in enumerate(act.cues):
+            spot: Spot = ("acts", act_index, "cues", cue_index)
             who = _who(file, entry, spot, log)
             if isinstance(entry, GivesCue) and entry.to in file.cast and entry.to not in who:
                 who = (*who, entry.to)
             name = entry.name or VERBS[entry.verb].called or str(entry.verb_value)
             name = name.rsplit("/", 1)[-1].rsplit(".", 1)[0]
-            known = (*marks(entry, spot), START, END)
-            before = tuple(last[player] for player in who if player in last)
-            cue = Cue(spot, len(cues), a, entry, who, name, known, before)
-            last.update(dict.fromkeys(who, cue))
+            moments = (*marks(entry, spot), START, END)
+            previous_cues = tuple(last_cue[player] for player in who if player in last_cue)
+            cue = Cue(spot, len(cues), act_index, entry, who, name, moments, previous_cues)
+            last_cue.update(dict.fromkeys(who, cue))
             acts[-1].append(cue)
             cues.append(cue)
 
@@ -90,19 +90,23 @@ def play_timeline(
 
     times: dict[Spot, Time] = {("times", name): float(beat) for name, beat in file.times.items()}
     timeline = make_timeline(acts, times, log, player_time)
-    refs = dict(timeline.refs)
-    for a, act in enumerate(file.acts):
-        for i, shot in enumerate(act.camera):
-            spot = when_of_shot(a, i)
-            other = player_time_before(timeline.acts[a + 1], spot, shot.when)
-            refs[spot] = timeline.names.read(shot.when, spot) if other is None else other
-    timeline = replace(timeline, refs=refs)
+    references = dict(timeline.refs)
+    for act_index, act in enumerate(file.acts):
+        for cue_index, shot in enumerate(act.camera):
+            spot = shot_time_keys(act_index, cue_index)
+            player_reference = player_time_before(timeline.acts[act_index + 1], spot, shot.when)
+            references[spot] = (
+                timeline.names.read(shot.when, spot)
+                if player_reference is None
+                else player_reference
+            )
+    timeline = replace(timeline, refs=references)
     _check_order(file, timeline, log)
     _check_entrances(file, timeline, log)
     return timeline
 
 
-def when_of_shot(act: int, index: int) -> Spot:
+def shot_time_keys(act: int, index: int) -> Spot:
     """Keys of the time of a shot of an act."""
     return "acts", act, "camera", index, "when"
 
@@ -110,49 +114,53 @@ def when_of_shot(act: int, index: int) -> Spot:
 def _check_order(file: PlayFile, timeline: Timeline[PlayCue], log: ScriptLog) -> None:
     """Records cues and shots that wait for cues of a later act, and shots after the longest act."""
     cue_at = {cue.spot: cue for cue in timeline.cues}
-    times = [(cue.act, spot) for cue in timeline.cues for spot, _ in cue.times]
-    shots = [
-        (a, when_of_shot(a, i)) for a, act in enumerate(file.acts) for i in range(len(act.camera))
+    cue_times = [(cue.act, spot) for cue in timeline.cues for spot, _ in cue.times]
+    shot_times = [
+        (act_index, shot_time_keys(act_index, shot_index))
+        for act_index, act in enumerate(file.acts)
+        for shot_index in range(len(act.camera))
     ]
-    for act, spot in (*times, *shots):
-        ref = timeline.refs[spot]
-        other = cue_at.get(ref.spot) if isinstance(ref, Reference) else None
-        if other is not None and other.act > act:
-            line = log.located.line(other.spot)
-            text = f"waits for {other.name} on line {line}, a cue of a later act"
+    for act, spot in (*cue_times, *shot_times):
+        reference = timeline.refs[spot]
+        awaited_cue = cue_at.get(reference.spot) if isinstance(reference, Reference) else None
+        if awaited_cue is not None and awaited_cue.act > act:
+            line = log.located.line(awaited_cue.spot)
+            text = f"waits for {awaited_cue.name} on line {line}, a cue of a later act"
             log.mistakes.add(spot, text)
-    for _, spot in shots:
+    for _, spot in shot_times:
         _check_length(timeline.refs[spot], spot, log)
 
 
-def _check_length(start: object, spot: Spot, log: ScriptLog) -> None:
+def _check_length(beats: object, spot: Spot, log: ScriptLog) -> None:
     """Records a number of beats that is longer than the longest act."""
-    if isinstance(start, float) and start * log.beat > _MAX_ACT_DURATION:
-        text = f"found beat {start:g}; an act lasts {_MAX_ACT_DURATION / 60:g} minutes at most"
+    if isinstance(beats, float) and beats * log.beat > _MAX_ACT_DURATION:
+        text = f"found beat {beats:g}; an act lasts {_MAX_ACT_DURATION / 60:g} minutes at most"
         log.mistakes.add(spot, text)
 
 
 def _check_entrances(file: PlayFile, timeline: Timeline[PlayCue], log: ScriptLog) -> None:
     """Records entrances of players on the stage, and times beyond the longest act."""
-    away: dict[str, bool] = dict.fromkeys(file.cast, True)
+    is_off_stage: dict[str, bool] = dict.fromkeys(file.cast, True)
     for cue in timeline.cues:
         for who in cue.who:
-            if isinstance(cue.given, EntersToCue) and not away[who]:
+            if isinstance(cue.given, EntersToCue) and not is_off_stage[who]:
                 text = f"{who} is on the stage already; needed: `walks to`"
                 log.mistakes.add((*cue.spot, "enters to"), text)
-            away[who] = isinstance(cue.given, ExitsToCue)
+            is_off_stage[who] = isinstance(cue.given, ExitsToCue)
         for spot, start in cue.times:
             _check_length(start, spot, log)
 
 
 def _who(file: PlayFile, cue: PlayCue, spot: Spot, log: ScriptLog) -> tuple[str, ...]:
     """Players of a cue; unknown names are recorded."""
-    cast, players = list(file.cast), list[str]()
+    all_players, names = list(file.cast), list[str]()
     for name in cue.who:
         if name == "all":
-            players += cast
-        elif name not in cast:
-            log.mistakes.add((*spot, "who"), f"no player is called {name!r}{nearest(name, cast)}")
+            names += all_players
+        elif name not in all_players:
+            log.mistakes.add(
+                (*spot, "who"), f"no player is called {name!r}{nearest(name, all_players)}"
+            )
         else:
-            players.append(name)
-    return tuple(dict.fromkeys(players))
+            names.append(name)
+    return tuple(dict.fromkeys(names))

@@ -17,7 +17,7 @@ from fantoccini.model.puppet import (
 )
 
 
-def extent(shape: Shape) -> tuple[Array, Array]:
+def bounding_box(shape: Shape) -> tuple[Array, Array]:
     """Least and largest x, y and z (3,) of a shape [m]."""
     if isinstance(shape, Capsule):
         ends = np.array([shape.from_, shape.to], dtype=float)
@@ -27,13 +27,13 @@ def extent(shape: Shape) -> tuple[Array, Array]:
         points = load_mesh(shape).vertices
         return points.min(axis=0), points.max(axis=0)
     assert isinstance(shape, (BoxShape, Sphere, Ellipsoid))
-    at = np.array(shape.at, dtype=float)
+    centre = np.array(shape.at, dtype=float)
     if isinstance(shape, Sphere):
-        half = np.full(3, value_of(shape.radius))
-        return at - half, at + half
-    turn = np.eye(3) if shape.orientation is None else shape.orientation.matrix
+        half_sizes = np.full(3, value_of(shape.radius))
+        return centre - half_sizes, centre + half_sizes
+    rotation = np.eye(3) if shape.orientation is None else shape.orientation.matrix
     if isinstance(shape, BoxShape):
-        half = np.abs(turn) @ (0.5 * np.array([value_of(x) for x in shape.size]))
+        half_sizes = np.abs(rotation) @ (0.5 * np.array([value_of(x) for x in shape.size]))
     else:
-        half = np.sqrt(np.square(turn) @ np.square([value_of(x) for x in shape.radii]))
-    return at - half, at + half
+        half_sizes = np.sqrt(np.square(rotation) @ np.square([value_of(x) for x in shape.radii]))
+    return centre - half_sizes, centre + half_sizes

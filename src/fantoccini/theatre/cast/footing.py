@@ -44,7 +44,7 @@ class Footing:
 
 
 @dataclass(frozen=True)
-class Way:
+class Walk:
     """Steps from one footing to another, clear of others and obstacles.
 
     The body sways up to ``fantoccini.theatre.gestures.walking.SWAY`` to each side of the way.
@@ -76,8 +76,8 @@ class Way:
 
         Headings are continuous from the first one, also beyond half a turn.
         """
-        path, heading = self._track.at(np.asarray(t, dtype=float) - self.begin)
-        z = self.start.place + np.exp(1j * self.start.heading) * path[0]
+        track_path, heading = self._track.at(np.asarray(t, dtype=float) - self.begin)
+        z = self.start.place + np.exp(1j * self.start.heading) * track_path[0]
         return np.stack([z.real, z.imag], axis=-1), self.start.heading + heading[0]
 
     @cached_property
@@ -97,7 +97,7 @@ class Hindrance(Enum):
 
 
 @dataclass(frozen=True)
-class NoWay:
+class NoPath:
     """Reason why there is no way, with an alternative. Its truth value is False.
 
     Attributes:

@@ -31,57 +31,59 @@ def read_leashes(
     """Leashes as strings of the stage; records unknown players and missing body parts."""
     strings = []
     for name, leash in file.leashes.items():
-        ends = []
-        for key, who in (("held by", leash.held_by), ("to", leash.to)):
+        attachments = []
+        for key, player_name in (("held by", leash.held_by), ("to", leash.to)):
             spot: Spot = ("leashes", name, key)
-            if who not in players:
-                text = f"no player is called {who!r}{nearest(who, players)}"
+            if player_name not in players:
+                text = f"no player is called {player_name!r}{nearest(player_name, players)}"
                 log.mistakes.add(spot, text)
                 continue
             try:
-                body_map = BodyParts.of(players[who].marionette).body_map
+                body_map = BodyParts.of(players[player_name].marionette).body_map
             except StateError as error:
-                log.mistakes.add(spot, f"{file.cast[who].puppet}: {error}")
+                log.mistakes.add(spot, f"{file.cast[player_name].puppet}: {error}")
                 continue
-            end = _neck(body_map) if key == "to" else _hand(body_map, leash.side)
-            if end is None:
+            attachment = _neck(body_map) if key == "to" else _hand(body_map, leash.side)
+            if attachment is None:
                 part = "head" if key == "to" else f"arm_{leash.side}"
-                text = f"{file.cast[who].puppet} has no {part}; needed: a player with it"
+                text = f"{file.cast[player_name].puppet} has no {part}; needed: a player with it"
                 log.mistakes.add(spot, text)
                 continue
-            body, at = end
-            ends.append(Attachment(body=f"{who}.{body}", at=at))
-        if len(ends) == 2:
-            path = (ends[0], ends[1])
+            body, at = attachment
+            attachments.append(Attachment(body=f"{player_name}.{body}", at=at))
+        if len(attachments) == 2:
+            path = (attachments[0], attachments[1])
             strings.append(String(name=name, path=path, length=leash.length, colour=_LEATHER))
     return tuple(strings)
 
 
-def check_leashes(file: PlayFile, whole: Marionette, x0: State, log: ScriptLog) -> None:
+def check_leashes(file: PlayFile, marionette: Marionette, x0: State, log: ScriptLog) -> None:
     """Records leashes that are stretched at the start."""
-    for name, lengths in needed_lengths(file, whole, x0.q_D[None], x0.q_K[None]).items():
+    for name, lengths in needed_lengths(file, marionette, x0.q_D[None], x0.q_K[None]).items():
         length = file.leashes[name].length
         if lengths[0] > length:
-            text = f"found {length:g} m; needed at the start: {rounded_up(lengths[0]):.2f} m"
+            text = f"found {length:g} m; needed at the start: {rounded_up_to_cm(lengths[0]):.2f} m"
             log.mistakes.add(("leashes", name, "length"), text)
 
 
-def needed_lengths(file: PlayFile, whole: Marionette, q_D: Array, q_K: Array) -> dict[str, Array]:
+def needed_lengths(
+    file: PlayFile, marionette: Marionette, q_D: Array, q_K: Array
+) -> dict[str, Array]:
     """Name of each leash -> (T,) minimum length at which it counts as slack [m].
 
     Args:
         file: play.
-        whole: the stage with all players.
+        marionette: the stage with all players.
         q_D, q_K: (T, ...) configurations of the stage.
     """
-    points = whole.string_points(q_D, q_K)
+    points = marionette.string_points(q_D, q_K)
     return {
         name: np.linalg.norm(points[name][:, 1] - points[name][:, 0], axis=1) + _MIN_SLACK
         for name in file.leashes
     }
 
 
-def rounded_up(length: float) -> float:
+def rounded_up_to_cm(length: float) -> float:
     """The length in whole centimetres, rounded up [m]."""
     return 0.01 * math.ceil(100.0 * length - _ROUNDING)
 

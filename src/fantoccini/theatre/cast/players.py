@@ -36,7 +36,7 @@ class Player:
     start: Footing
 
     @cached_property
-    def content(self) -> str:
+    def content_hash(self) -> str:
         """Hash of the puppet and its meshes, and of the floor."""
         return hashlib.blake2b(self.marionette.puppet.canonical().encode()).hexdigest()
 
@@ -93,15 +93,15 @@ class Player:
     def radius(self) -> float:
         """Radius of the disk around its position that contains its strings' ends and joints [m]."""
         table, rest_state = self.marionette.coordinates, self.rest_state
-        owners = dict.fromkeys(name.rpartition(".")[0] for name in table.q_K)
-        places = [
-            complex(rest_state[f"{owner}.x"], rest_state[f"{owner}.y"])
-            for owner in owners
-            if {f"{owner}.x", f"{owner}.y"} <= {*table.q_K} and owner not in table.carried
+        part_names = dict.fromkeys(name.rpartition(".")[0] for name in table.q_K)
+        points = [
+            complex(rest_state[f"{part}.x"], rest_state[f"{part}.y"])
+            for part in part_names
+            if {f"{part}.x", f"{part}.y"} <= {*table.q_K} and part not in table.carried
         ]
         poses = self.marionette.poses(rest_state.q_D[None], rest_state.q_K[None])[0]
-        places += [complex(x, y) for x, y in poses[:, :2, 3]]
-        return max((abs(xy - self.middle) for xy in places), default=0.0)
+        points += [complex(x, y) for x, y in poses[:, :2, 3]]
+        return max((abs(xy - self.middle) for xy in points), default=0.0)
 
     def ends(self) -> Ends:
         """Ends of its strings, for a gesture.
@@ -113,8 +113,8 @@ class Player:
 
     def in_own_frame(self, point: Array, footing: Footing) -> Array:
         """(3,) point of the stage in the frame of the puppet's file, for a footing [m]."""
-        seen = footing.seen(complex(point[0], point[1]))
-        z = self.middle + seen * np.exp(1j * self.facing)
+        local_place = footing.seen(complex(point[0], point[1]))
+        z = self.middle + local_place * np.exp(1j * self.facing)
         return np.array([z.real, z.imag, point[2]])
 
 
@@ -134,7 +134,7 @@ def facing_of(marionette: Marionette) -> float:
         return 0.0
 
 
-def placed(marionette: Marionette, rest_state: State, footing: Footing) -> State:
+def moved_to_footing(marionette: Marionette, rest_state: State, footing: Footing) -> State:
     """State moved rigidly from where the puppet hangs to a footing on the stage.
 
         z' = z_footing + exp(i (heading - heading_file)) (z - z_middle)
@@ -142,21 +142,21 @@ def placed(marionette: Marionette, rest_state: State, footing: Footing) -> State
     z = x + i y of the ends of strings and of free bodies. Parts on a moving body move with it.
     """
     angle = footing.heading - facing_of(marionette)
-    table, turn = marionette.coordinates, np.exp(1j * angle)
+    table, rotation = marionette.coordinates, np.exp(1j * angle)
     middle = middle_of(marionette, rest_state)
-    q = values_of(marionette, rest_state)
+    q = values_by_name(marionette, rest_state)
     owners = dict.fromkeys(name.rpartition(".")[0] for name in q)
     for owner in (owner for owner in owners if owner not in table.carried):
         x, y = f"{owner}.x", f"{owner}.y"
         if x in q and y in q:
-            z = footing.place + turn * (complex(q[x], q[y]) - middle)
+            z = footing.place + rotation * (complex(q[x], q[y]) - middle)
             q[x], q[y] = float(z.real), float(z.imag)
         if x in q and f"{owner}.qw" in q:
-            parts = [f"{owner}.{part}" for part in ("qw", "qx", "qy", "qz")]
+            quaternion_names = [f"{owner}.{component}" for component in ("qw", "qx", "qy", "qz")]
             c, s = np.cos(0.5 * angle), np.sin(0.5 * angle)
-            w, a, b, d = (q[part] for part in parts)
-            turned = (c * w - s * d, c * a - s * b, c * b + s * a, c * d + s * w)
-            q.update(zip(parts, map(float, turned), strict=True))
+            w, a, b, d = (q[component] for component in quaternion_names)
+            product = (c * w - s * d, c * a - s * b, c * b + s * a, c * d + s * w)
+            q.update(zip(quaternion_names, map(float, product), strict=True))
     return dataclasses.replace(
         rest_state,
         q_D=np.array([q[name] for name in table.q_D]),
@@ -164,7 +164,7 @@ def placed(marionette: Marionette, rest_state: State, footing: Footing) -> State
     )
 
 
-def values_of(marionette: Marionette, x: State) -> dict[str, float]:
+def values_by_name(marionette: Marionette, x: State) -> dict[str, float]:
     """Values of all coordinates by name."""
     table = marionette.coordinates
     return dict(zip((*table.q_D, *table.q_K), (*x.q_D.tolist(), *x.q_K.tolist()), strict=True))

@@ -97,7 +97,7 @@ def handle_place(
         StateError: the puppet has no such arm.
         ValueError: the side is neither left nor right.
     """
-    sign, physique = sign_of(side), Physique.of(stage, who)
+    sign, physique = side_sign(side), Physique.of(stage, who)
     forward, left, up = physique.place(physique.forearm(side)).tolist()
     return (
         forward + physique.arm_ratio(side) * _ELBOW_DISTANCE,
@@ -147,20 +147,22 @@ def give(
         StateError: a member lacks an arm or a string that lifts a limb.
         ValueError: the side is neither left nor right.
     """
-    other = OTHER_SIDE[side]
+    receiver_side = OTHER_SIDE[side]
     giver_physique = Physique.of(stage, giver)
     receiver_physique = Physique.of(receiver_stage or stage, receiver)
-    handles = (
+    handle_places = (
         handle_place(stage, giver, side=side),
-        handle_place(receiver_physique.stage, receiver, side=other),
+        handle_place(receiver_physique.stage, receiver, side=receiver_side),
     )
-    giver_height = handles[0][2] - handles[1][2]
-    arms = giver_physique.forearm(side), receiver_physique.forearm(other)
+    giver_height = handle_places[0][2] - handle_places[1][2]
+    arms = giver_physique.forearm(side), receiver_physique.forearm(receiver_side)
     # The longer of their arms keep clear of both bodies; the prop is as wide for shorter ones.
-    longer = max(giver_physique.arm_ratio(side), receiver_physique.arm_ratio(other), 1.0)
-    step = longer * _SIDE_STEP
+    max_arm_ratio = max(
+        giver_physique.arm_ratio(side), receiver_physique.arm_ratio(receiver_side), 1.0
+    )
+    side_step = max_arm_ratio * _SIDE_STEP
     forward, left = _receiver_place(giver_physique, receiver_physique, side, elbow_distance)
-    left += sign_of(side) * step
+    left += side_sign(side) * side_step
     return Handover(
         member_gesture(
             stage,
@@ -172,7 +174,7 @@ def give(
         member_gesture(
             receiver_physique.stage,
             receiver,
-            _receiver_waypoints(receiver_physique, other, giver_height, step),
+            _receiver_waypoints(receiver_physique, receiver_side, giver_height, side_step),
             "take",
             {"under": 5.2, "taken": 7.2},
         ),
@@ -191,22 +193,32 @@ def _giver_waypoints(physique: Physique, side: str, *, in_pose: bool) -> dict[st
         side: side of its arm.
         in_pose: whether it begins in the pose of :func:`carry`.
     """
-    held, hand = _OFFER, physique.hand_string(side)
-    first = CARRY_OFFSETS if in_pose else {"up": 0.0, "out": 0.0}
-    up, low = held["up"], _UP_EMPTY
-    moves: dict[str, Waypoints] = {
-        f"{hand}.up": [(0, first["up"]), (2.0, up), (7.4, up), (8.8, low), (11.8, low)],
-        f"{hand}.forward": [
+    offer, string = _OFFER, physique.hand_string(side)
+    start_offsets = CARRY_OFFSETS if in_pose else {"up": 0.0, "out": 0.0}
+    raised, lowered = offer["up"], _UP_EMPTY
+    waypoints: dict[str, Waypoints] = {
+        f"{string}.up": [
+            (0, start_offsets["up"]),
+            (2.0, raised),
+            (7.4, raised),
+            (8.8, lowered),
+            (11.8, lowered),
+        ],
+        f"{string}.forward": [
             (0, 0),
-            (2.0, held["forward"]),
-            (7.4, held["forward"]),
+            (2.0, offer["forward"]),
+            (7.4, offer["forward"]),
             (8.8, 0.3),
             (11.8, 0.3),
         ],
-        f"{hand}.{OTHER_SIDE[side]}": [(0, -first["out"]), (2.0, held["in"]), (11.8, held["in"])],
+        f"{string}.{OTHER_SIDE[side]}": [
+            (0, -start_offsets["out"]),
+            (2.0, offer["in"]),
+            (11.8, offer["in"]),
+        ],
     }
     scale = physique.arm_ratio(side)
-    return {name: _scaled([*points, (13.8, 0)], scale) for name, points in moves.items()}
+    return {name: _scaled([*points, (13.8, 0)], scale) for name, points in waypoints.items()}
 
 
 def _receiver_waypoints(
@@ -220,47 +232,72 @@ def _receiver_waypoints(
         giver_height: height of the giver's handle above that of the receiver, both at rest [m].
         step: length of its step to the side [m].
     """
-    scale, hand, knee = (
+    scale, hand_string, knee_string = (
         physique.arm_ratio(side),
         physique.hand_string(side),
         physique.knee_string(side),
     )
-    low, lifted = (scale * offset + giver_height for offset in (_UP_BELOW_PROP, _UP_WITH_PROP))
-    forward, inward, clear = (
+    lowered, lifted = (scale * offset + giver_height for offset in (_UP_BELOW_PROP, _UP_WITH_PROP))
+    forward, inward, knee_offset = (
         scale * _OFFER["forward"],
         scale * _TAKE_IN,
         physique.leg_ratio * _KNEE_CLEARANCE,
     )
-    times: list[tuple[float, float]] = [(0, 0), (2.0, 0), (5.2, 1), (9.0, 1), (12.0, 0), (13.8, 0)]
-    moves = shifted(physique, side, step, times)
-    moves[f"{hand}.up"] = [(0, 0), (2.0, low), (5.6, low), (7.2, lifted), (12.0, lifted), (13.8, 0)]
-    moves[f"{hand}.forward"] = [(0, 0), (2.0, forward), (12.0, forward), (13.8, 0)]
-    inwards = [(0, 0), (2.0, -inward), (12.0, -inward), (13.8, 0)]
-    moves[f"{hand}.{side}"] = sum_of_waypoints(moves[f"{hand}.{side}"], inwards)
+    step_shares: list[tuple[float, float]] = [
+        (0, 0),
+        (2.0, 0),
+        (5.2, 1),
+        (9.0, 1),
+        (12.0, 0),
+        (13.8, 0),
+    ]
+    waypoints = shifted(physique, side, step, step_shares)
+    waypoints[f"{hand_string}.up"] = [
+        (0, 0),
+        (2.0, lowered),
+        (5.6, lowered),
+        (7.2, lifted),
+        (12.0, lifted),
+        (13.8, 0),
+    ]
+    waypoints[f"{hand_string}.forward"] = [(0, 0), (2.0, forward), (12.0, forward), (13.8, 0)]
+    inward_waypoints = [(0, 0), (2.0, -inward), (12.0, -inward), (13.8, 0)]
+    waypoints[f"{hand_string}.{side}"] = add_waypoints(
+        waypoints[f"{hand_string}.{side}"], inward_waypoints
+    )
     # The string of the receiver's knee makes way for the prop.
-    moves[f"{knee}.back"] = [(0, 0), (2.0, 0), (4.0, clear), (12.6, clear), (13.8, 0)]
-    return moves
+    waypoints[f"{knee_string}.back"] = [
+        (0, 0),
+        (2.0, 0),
+        (4.0, knee_offset),
+        (12.6, knee_offset),
+        (13.8, 0),
+    ]
+    return waypoints
 
 
 def _receiver_place(
     giver_physique: Physique, receiver_physique: Physique, side: str, elbow_distance: float | None
 ) -> tuple[float, float]:
     """Place of the receiver relative to the giver when it takes the prop: forward and left [m]."""
-    sign, other = sign_of(side), OTHER_SIDE[side]
-    elbow, elbow_taking = (
+    sign, receiver_side = side_sign(side), OTHER_SIDE[side]
+    giver_elbow, receiver_elbow = (
         giver_physique.place(giver_physique.forearm(side)),
-        receiver_physique.place(receiver_physique.forearm(other)),
+        receiver_physique.place(receiver_physique.forearm(receiver_side)),
     )
-    scale, scale_taking = giver_physique.arm_ratio(side), receiver_physique.arm_ratio(other)
-    distance = scale * _ELBOW_DISTANCE if elbow_distance is None else elbow_distance
-    held = scale * np.array(_OFFER_ELBOW_SHIFT) + distance * np.array(_OFFER_FOREARM)
-    held += (elbow[0], sign * elbow[1])
+    giver_scale, receiver_scale = (
+        giver_physique.arm_ratio(side),
+        receiver_physique.arm_ratio(receiver_side),
+    )
+    distance = giver_scale * _ELBOW_DISTANCE if elbow_distance is None else elbow_distance
+    prop_place = giver_scale * np.array(_OFFER_ELBOW_SHIFT) + distance * np.array(_OFFER_FOREARM)
+    prop_place += (giver_elbow[0], sign * giver_elbow[1])
     forward, aside = (
-        scale_taking * _TAKE_MIDPOINT[0] + elbow_taking[0],
-        _TAKE_MIDPOINT[1] * scale_taking,
+        receiver_scale * _TAKE_MIDPOINT[0] + receiver_elbow[0],
+        _TAKE_MIDPOINT[1] * receiver_scale,
     )
-    aside += -sign * elbow_taking[1]
-    return float(held[0] - forward), sign * float(held[1] + aside + _FOREARM_GAP)
+    aside += -sign * receiver_elbow[1]
+    return float(prop_place[0] - forward), sign * float(prop_place[1] + aside + _FOREARM_GAP)
 
 
 def handle_distance(
@@ -277,9 +314,9 @@ def handle_distance(
         side: side of the forearm.
     """
     physique = Physique.of(stage, who)
-    thing, arm = stage.pose(state, prop), stage.pose(state, physique.forearm(side))
-    to_hand = arm[:3, :3] @ physique.forearm_direction(side)
-    return float(to_hand @ (thing[:3, 3] + height * thing[:3, 2] - arm[:3, 3]))
+    prop_pose, arm_pose = stage.pose(state, prop), stage.pose(state, physique.forearm(side))
+    direction = arm_pose[:3, :3] @ physique.forearm_direction(side)
+    return float(direction @ (prop_pose[:3, 3] + height * prop_pose[:3, 2] - arm_pose[:3, 3]))
 
 
 def shifted(
@@ -299,7 +336,7 @@ def shifted(
     }
 
 
-def sum_of_waypoints(first: Waypoints, second: Waypoints) -> Waypoints:
+def add_waypoints(first: Waypoints, second: Waypoints) -> Waypoints:
     """Sum of two sets of waypoints at the times of both, interpolated linearly."""
     times = sorted({t for t, _ in (*first, *second)})
     values = np.array([np.interp(times, *np.transpose(x)) for x in (first, second)])
@@ -320,14 +357,17 @@ def carry(stage: Marionette, who: str, *, side: str = "right") -> Gesture:
         StateError: the member lacks the arm, or a string that lifts it.
         ValueError: the side is neither left nor right.
     """
-    sign = sign_of(side)
+    sign = side_sign(side)
     physique = Physique.of(stage, who)
-    names = {"out": "left" if sign > 0.0 else "right"}
-    moves = {
-        f"{physique.hand_string(side)}.{names.get(way, way)}": [(0.0, 0.0), (CARRY_TIME, offset)]
+    directions = {"out": "left" if sign > 0.0 else "right"}
+    waypoints = {
+        f"{physique.hand_string(side)}.{directions.get(way, way)}": [
+            (0.0, 0.0),
+            (CARRY_TIME, offset),
+        ]
         for way, offset in carry_offsets(physique, side).items()
     }
-    return member_gesture(stage, who, moves, "carry", {"carried": CARRY_TIME})
+    return member_gesture(stage, who, waypoints, "carry", {"carried": CARRY_TIME})
 
 
 def steps_carrying(
@@ -353,18 +393,18 @@ def steps_carrying(
         if pose.named[v.start]:
             offsets[name] = float(pose.ends[0][1, v.start])
             q_K[q] += offsets[name]
-    walk = steps(Ends(body_parts, start.replace(q_K=q_K)), walk_steps, step_time).moved(offsets)
+    walking = steps(Ends(body_parts, start.replace(q_K=q_K)), walk_steps, step_time).moved(offsets)
     # Later gestures count from the strings' places without the pose.
-    return replace(walk, travel=steps(Ends(body_parts, start), walk_steps, step_time).travel)
+    return replace(walking, travel=steps(Ends(body_parts, start), walk_steps, step_time).travel)
 
 
-def time_reversed(
-    moves: Mapping[str, Sequence[tuple[float, float]]], end: float
+def reverse_waypoints(
+    waypoints: Mapping[str, Sequence[tuple[float, float]]], end: float
 ) -> dict[str, Waypoints]:
     """Waypoints reversed in time, on a clock that ends at a time [s]."""
     return {
         name: [(end - t, offset) for t, offset in reversed(points)]
-        for name, points in moves.items()
+        for name, points in waypoints.items()
     }
 
 
@@ -394,7 +434,7 @@ def member_name(who: str, name: str) -> str:
     return f"{who}.{name}" if who else name
 
 
-def sign_of(side: str) -> float:
+def side_sign(side: str) -> float:
     """1 for left, -1 for right.
 
     Raises:

@@ -14,7 +14,7 @@ from fantoccini.base.documents import read_file, value_of
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.model.scene import Prop
 from fantoccini.theatre.cast import prop_gestures
-from fantoccini.theatre.cast.extents import extent
+from fantoccini.theatre.cast.extents import bounding_box
 from fantoccini.theatre.cast.footing import Footing
 from fantoccini.theatre.cast.starts import Places
 from fantoccini.theatre.script import PlayFile, PropFile, ScriptLog, Spot
@@ -33,23 +33,23 @@ class PlayProp:
 
     Attributes:
         prop: prop of the scene, at the start.
-        handle: height of the bar by which it hangs on a forearm; None without a handle [m].
-        seat: height of the seat; None without a seat [m].
+        handle_height: height of the bar by which it hangs on a forearm; None without a handle [m].
+        seat_height: height of the seat; None without a seat [m].
         held_by: player that holds it at the start; "" if it stands.
         side: side of the forearm on which it hangs then.
-        stands: place at the start and direction of its x axis; that of the holder if it is held.
-        height: height of its bottom at the start [m].
-        content: key of its shapes, mass and other properties except its place.
+        footing: place at the start and direction of its x axis; that of the holder if it is held.
+        bottom_height: height of its bottom at the start [m].
+        content_key: key of its shapes, mass and other properties except its place.
     """
 
     prop: Prop
-    handle: float | None
-    seat: float | None
+    handle_height: float | None
+    seat_height: float | None
     held_by: str
     side: str
-    stands: Footing
-    height: float
-    content: str
+    footing: Footing
+    bottom_height: float
+    content_key: str
 
     @property
     def name(self) -> str:
@@ -59,16 +59,16 @@ class PlayProp:
     @property
     def bottom_radius(self) -> float:
         """Largest distance of the shapes on which it stands from its axis, along x or y [m]."""
-        ends = [np.array(extent(shape)) for shape in self.prop.shapes]
-        standing = [end for end in ends if end[0, 2] <= _BOTTOM_TOLERANCE]
-        return max((float(np.abs(end[:, :2]).max()) for end in standing), default=0.0)
+        boxes = [np.array(bounding_box(shape)) for shape in self.prop.shapes]
+        bottom_boxes = [box for box in boxes if box[0, 2] <= _BOTTOM_TOLERANCE]
+        return max((float(np.abs(box[:, :2]).max()) for box in bottom_boxes), default=0.0)
 
     @property
     def start(self) -> PropState:
         """Pose at the start, before a held prop has settled on the arm."""
         x, y, z = (float(coordinate) for coordinate in self.prop.at)
-        half = 0.5 * self.stands.heading
-        return np.array([x, y, z, np.cos(half), 0.0, 0.0, np.sin(half)]), np.zeros(6)
+        half_angle = 0.5 * self.footing.heading
+        return np.array([x, y, z, np.cos(half_angle), 0.0, 0.0, np.sin(half_angle)]), np.zeros(6)
 
 
 def prop_names() -> tuple[str, ...]:
@@ -80,14 +80,14 @@ def obstacle_top(file: PlayFile, name: str) -> float | None:
     """Height of an obstacle's top [m]; None if no obstacle has this name."""
     for obstacle in file.stage.obstacles:
         if obstacle.name == name:
-            return float(extent(obstacle)[1][2])
+            return float(bounding_box(obstacle)[1][2])
     return None
 
 
 def read_props(
     file: PlayFile,
-    starts: Mapping[str, Footing],
-    marionette: Mapping[str, Marionette],
+    start_footings: Mapping[str, Footing],
+    marionettes: Mapping[str, Marionette],
     places: Places,
     log: ScriptLog,
 ) -> dict[str, PlayProp]:
@@ -95,20 +95,22 @@ def read_props(
 
     Args:
         file: the play.
-        starts: footings of the players at the start.
-        marionette: puppets of the players, each in a scene of its own.
+        start_footings: footings of the players at the start.
+        marionettes: puppets of the players, each in a scene of its own.
         places: meaning of names of places.
         log: collects mistakes.
     """
     play_props: dict[str, PlayProp] = {}
-    arms: dict[tuple[str, str], str] = {}
+    prop_on_arm: dict[tuple[str, str], str] = {}
     for name, entry in file.props.items():
         if entry.held_by is not None:
-            other = arms.setdefault((entry.held_by, entry.side), name)
-            if other != name:
-                text = f"{other} hangs on the {entry.side} forearm of {entry.held_by} already"
+            earlier_prop = prop_on_arm.setdefault((entry.held_by, entry.side), name)
+            if earlier_prop != name:
+                text = (
+                    f"{earlier_prop} hangs on the {entry.side} forearm of {entry.held_by} already"
+                )
                 log.mistakes.add(("props", name, "held by"), text)
-        prop = _prop(file, name, entry, starts, marionette, places, log)
+        prop = _prop(file, name, entry, start_footings, marionettes, places, log)
         if prop is not None:
             play_props[name] = prop
     return play_props
@@ -118,8 +120,8 @@ def _prop(
     file: PlayFile,
     name: str,
     entry: PropFile,
-    starts: Mapping[str, Footing],
-    marionette: Mapping[str, Marionette],
+    start_footings: Mapping[str, Footing],
+    marionettes: Mapping[str, Marionette],
     places: Places,
     log: ScriptLog,
 ) -> PlayProp | None:
@@ -127,24 +129,29 @@ def _prop(
     data = _description(name, entry, spot, log)
     if data is None:
         return None
-    handle, seat = data.pop("handle", None), data.pop("seat", None)
+    handle_height, seat_height = data.pop("handle", None), data.pop("seat", None)
     if entry.held_by is not None:
-        if entry.held_by not in starts:
-            text = f"no player is called {entry.held_by!r}{nearest(entry.held_by, starts)}"
+        if entry.held_by not in start_footings:
+            text = f"no player is called {entry.held_by!r}{nearest(entry.held_by, start_footings)}"
             log.mistakes.add((*spot, "held by"), text)
             return None
-        if handle is None:
+        if handle_height is None:
             log.mistakes.add((*spot, "held by"), f"{name} has no handle; needed: `handle:`")
             return None
-        stands = starts[entry.held_by]
-        forward, left, up = prop_gestures.handle_place(marionette[entry.held_by], side=entry.side)
-        place = stands.place + np.exp(1j * stands.heading) * complex(forward, left)
-        height = up - handle
+        footing = start_footings[entry.held_by]
+        prop_forward, prop_left, handle_rise = prop_gestures.handle_place(
+            marionettes[entry.held_by], side=entry.side
+        )
+        xy = footing.place + np.exp(1j * footing.heading) * complex(prop_forward, prop_left)
+        bottom_height = handle_rise - handle_height
     else:
-        standing_place = _place(file, entry, spot, places, log)
-        if standing_place is None:
+        floor_place = _place(file, entry, spot, places, log)
+        if floor_place is None:
             return None
-        (x, y, height), heading = standing_place, places.direction(entry.facing, (*spot, "facing"))
+        (x, y, bottom_height), heading = (
+            floor_place,
+            places.direction(entry.facing, (*spot, "facing")),
+        )
         if isinstance(heading, str):
             middle = places.midpoint(heading)
             if middle is None:
@@ -152,16 +159,25 @@ def _prop(
                 log.mistakes.add((*spot, "facing"), text)
                 return None
             heading = Footing(x, y).towards(complex(middle[0], middle[1]))
-        place, stands = complex(x, y), Footing(x, y, heading)
-    bottom = min(float(extent(shape)[0][2]) for shape in prop_shapes(name, data))
-    if abs(bottom) > _BOTTOM_TOLERANCE and not entry.held_by:
-        text = f"its bottom is at z = {bottom:.3g}; needed: 0, so that it stands where it is put"
+        xy, footing = complex(x, y), Footing(x, y, heading)
+    lowest_z = min(float(bounding_box(shape)[0][2]) for shape in prop_shapes(name, data))
+    if abs(lowest_z) > _BOTTOM_TOLERANCE and not entry.held_by:
+        text = f"its bottom is at z = {lowest_z:.3g}; needed: 0, so that it stands where it is put"
         log.mistakes.add((*spot, "shapes"), text)
         return None
-    turn = {"axis": [0.0, 0.0, 1.0], "angle": stands.heading}
-    at = [place.real, place.imag, height]
-    prop = Prop.model_validate({"name": name, "at": at, "orientation": turn, **data})
-    return PlayProp(prop, handle, seat, entry.held_by or "", entry.side, stands, height, repr(data))
+    orientation = {"axis": [0.0, 0.0, 1.0], "angle": footing.heading}
+    position = [xy.real, xy.imag, bottom_height]
+    prop = Prop.model_validate({"name": name, "at": position, "orientation": orientation, **data})
+    return PlayProp(
+        prop,
+        handle_height,
+        seat_height,
+        entry.held_by or "",
+        entry.side,
+        footing,
+        bottom_height,
+        repr(data),
+    )
 
 
 def prop_shapes(name: str, data: dict[str, Any]) -> tuple[Any, ...]:
@@ -183,9 +199,9 @@ def _description(name: str, entry: PropFile, spot: Spot, log: ScriptLog) -> dict
         if entry.mass is not None:
             data["mass"] = entry.mass
     for key in ("handle", "seat"):
-        own = getattr(entry, key)
-        if own is not None:
-            data[key] = value_of(own)
+        value = getattr(entry, key)
+        if value is not None:
+            data[key] = value_of(value)
     return data
 
 
@@ -196,13 +212,13 @@ def _place(
     height = file.stage.floor
     middle: Array | None = None
     if entry.on is not None:
-        top, middle = obstacle_top(file, entry.on), places.midpoint(entry.on)
-        if top is None:
-            known = [obstacle.name for obstacle in file.stage.obstacles]
-            text = f"found {entry.on!r}; needed: an obstacle{nearest(entry.on, known)}"
+        top_height, middle = obstacle_top(file, entry.on), places.midpoint(entry.on)
+        if top_height is None:
+            obstacle_names = [obstacle.name for obstacle in file.stage.obstacles]
+            text = f"found {entry.on!r}; needed: an obstacle{nearest(entry.on, obstacle_names)}"
             log.mistakes.add((*spot, "on"), text)
             return None
-        height = top
+        height = top_height
     if entry.at is None:
         assert middle is not None
         return float(middle[0]), float(middle[1]), height
@@ -216,10 +232,10 @@ def _place(
     else:
         x, y = entry.at[:2]
     if entry.on is not None:
-        (low, high) = next(extent(o) for o in file.stage.obstacles if o.name == entry.on)
-        if not (low[0] <= x <= high[0] and low[1] <= y <= high[1]):
-            text = f"[{x:g}, {y:g}] is not on {entry.on}, which is from [{low[0]:.3g}, "
-            text += f"{low[1]:.3g}] to [{high[0]:.3g}, {high[1]:.3g}]"
+        (lower, upper) = next(bounding_box(o) for o in file.stage.obstacles if o.name == entry.on)
+        if not (lower[0] <= x <= upper[0] and lower[1] <= y <= upper[1]):
+            text = f"[{x:g}, {y:g}] is not on {entry.on}, which is from [{lower[0]:.3g}, "
+            text += f"{lower[1]:.3g}] to [{upper[0]:.3g}, {upper[1]:.3g}]"
             log.mistakes.add((*spot, "at"), text)
             return None
     return x, y, height

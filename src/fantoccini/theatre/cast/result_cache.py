@@ -49,7 +49,7 @@ class DiskFormat(Generic[T]):
     unpack: Callable[[Sequence[Array]], T]
 
 
-NUMBERS: DiskFormat[Any] = DiskFormat(
+NUMBERS_FORMAT: DiskFormat[Any] = DiskFormat(
     lambda numbers: [np.array(numbers, dtype=float)], lambda arrays: tuple(arrays[0].tolist())
 )
 """A tuple of numbers."""
@@ -119,13 +119,13 @@ class ResultCache:
         finally:
             self.deadline = math.inf
 
-    def get(self, key: str, job: Callable[[], T], form: DiskFormat[T] | None = None) -> T:
+    def get(self, key: str, job: Callable[[], T], disk_format: DiskFormat[T] | None = None) -> T:
         """Cached result, computed if it is missing.
 
         Args:
             key: text that determines the result.
             job: computes it.
-            form: its format on disk; None to keep it in memory only.
+            disk_format: its format on disk; None to keep it in memory only.
 
         Raises:
             OutOfTime: it is missing, and the time limit has passed.
@@ -135,13 +135,15 @@ class ResultCache:
                 self._results.move_to_end(key)
                 cached: T = self._results[key]
                 return cached
-        result = self._from_disk(key, form) if self.on_disk and form is not None else None
+        result = (
+            self._from_disk(key, disk_format) if self.on_disk and disk_format is not None else None
+        )
         computed = result is None
         if result is None:
             self.check()
             result = job()
-            if self.on_disk and form is not None:
-                RESULTS.write(self._file(key), form.pack(result))
+            if self.on_disk and disk_format is not None:
+                RESULTS.write(self._file(key), disk_format.pack(result))
         with self._lock:
             self.n_computed += computed
             self._results[key] = result
@@ -149,11 +151,11 @@ class ResultCache:
                 self._results.popitem(last=False)
         return result
 
-    def _from_disk(self, key: str, form: DiskFormat[T]) -> T | None:
+    def _from_disk(self, key: str, disk_format: DiskFormat[T]) -> T | None:
         """Result that an earlier process kept; None if it is missing or damaged."""
         arrays = RESULTS.read(self._file(key))
         try:
-            return None if arrays is None else form.unpack(arrays)
+            return None if arrays is None else disk_format.unpack(arrays)
         except npz.UNREADABLE:
             return None
 
@@ -177,9 +179,9 @@ class ResultCache:
             return dict(zip(jobs, pool.map(lambda job: job(), jobs.values()), strict=True))
 
 
-def digest(x: State, motion: Gesture, *more: object) -> str:
+def digest(x: State, motion: Gesture, *further_values: object) -> str:
     """Hash of a state, of a motion of the hands from there, and of further values."""
-    h = hashlib.blake2b(repr((motion.coordinates.q_D, *more)).encode())
+    hasher = hashlib.blake2b(repr((motion.coordinates.q_D, *further_values)).encode())
     for array in (x.q_D, x.v_D, x.q_K, x.v_K, x.taut, x.slip, motion.breaks, motion.coef):
-        h.update(np.ascontiguousarray(array).tobytes())
-    return h.hexdigest()
+        hasher.update(np.ascontiguousarray(array).tobytes())
+    return hasher.hexdigest()

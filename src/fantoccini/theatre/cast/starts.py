@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from fantoccini.base import Array, nearest
-from fantoccini.theatre.cast.extents import extent
+from fantoccini.theatre.cast.extents import bounding_box
 from fantoccini.theatre.cast.footing import Footing
 from fantoccini.theatre.script import DIRECTIONS, PlayerFile, PlayFile, ScriptLog, Spot
 
@@ -23,7 +23,7 @@ class Places:
     def __init__(self, file: PlayFile, log: ScriptLog):
         self._file, self._log = file, log
         self._obstacles = {
-            obstacle.name: 0.5 * np.sum(extent(obstacle), axis=0)
+            obstacle.name: 0.5 * np.sum(bounding_box(obstacle), axis=0)
             for obstacle in file.stage.obstacles
         }
 
@@ -32,39 +32,41 @@ class Places:
         """Names of places, without those of players."""
         return [*self._file.stage.marks, *self._obstacles]
 
-    def check(self, given: object, spot: Spot) -> None:
+    def check(self, name: object, spot: Spot) -> None:
         """Records a mistake if a name is not a place."""
-        known = [*self._file.cast, *self.names]
-        if isinstance(given, str) and given not in known:
-            text = f"found {given!r}; needed: a place [x, y], or a mark, player or obstacle"
-            self._log.mistakes.add(spot, text + nearest(given, known))
+        place_names = [*self._file.cast, *self.names]
+        if isinstance(name, str) and name not in place_names:
+            text = f"found {name!r}; needed: a place [x, y], or a mark, player or obstacle"
+            self._log.mistakes.add(spot, text + nearest(name, place_names))
 
     def midpoint(self, name: str) -> Array | None:
         """Midpoint (3,) of an obstacle [m]; None for other names."""
         return self._obstacles.get(name)
 
-    def fixed_place(self, where: object) -> complex | None:
+    def fixed_place(self, place: object) -> complex | None:
         """x + i y of a mark, an obstacle or a point [m]; None for a player, which moves."""
-        if not isinstance(where, str):
-            assert isinstance(where, Sequence)
-            return complex(where[0], where[1])
-        if where in self._file.stage.marks:
-            return complex(*self._file.stage.marks[where].at[:2])
-        middle = self.midpoint(where)
-        return None if middle is None else complex(middle[0], middle[1])
+        if not isinstance(place, str):
+            assert isinstance(place, Sequence)
+            return complex(place[0], place[1])
+        if place in self._file.stage.marks:
+            return complex(*self._file.stage.marks[place].at[:2])
+        midpoint = self.midpoint(place)
+        return None if midpoint is None else complex(midpoint[0], midpoint[1])
 
-    def direction(self, given: float | str, spot: Spot) -> float | str:
+    def direction(self, direction: float | str, spot: Spot) -> float | str:
         """Angle [rad], or name of a place to face; 0 after a mistake."""
-        if not isinstance(given, str):
-            return given
-        if given in DIRECTIONS:
-            return float(np.radians(DIRECTIONS[given]))
-        known = [*self._file.cast, *self.names]
-        if given not in known:
-            text = f"found {given!r}; needed: an angle, a direction, or a mark, player or obstacle"
-            self._log.mistakes.add(spot, text + nearest(given, [*DIRECTIONS, *known]))
+        if not isinstance(direction, str):
+            return direction
+        if direction in DIRECTIONS:
+            return float(np.radians(DIRECTIONS[direction]))
+        place_names = [*self._file.cast, *self.names]
+        if direction not in place_names:
+            text = (
+                f"found {direction!r}; needed: an angle, a direction, or a mark, player or obstacle"
+            )
+            self._log.mistakes.add(spot, text + nearest(direction, [*DIRECTIONS, *place_names]))
             return 0.0
-        return given
+        return direction
 
 
 def start_of(
@@ -86,13 +88,13 @@ def start_of(
         heading = places.direction(spec.facing, (*spot, "facing"))
     footing = Footing(x, y)
     if isinstance(heading, str):
-        place = places.midpoint(heading)
-        if place is None:
-            other = file.cast.get(heading)
-            at = other.at if other is not None else heading
-            if isinstance(at, str):
-                mark = file.stage.marks.get(at)
-                at = (0.0, 0.0) if mark is None else mark.at
-            place = np.array([at[0], at[1], 0.0])
-        heading = footing.towards(complex(place[0], place[1]))
+        target = places.midpoint(heading)
+        if target is None:
+            other_player = file.cast.get(heading)
+            other_place = other_player.at if other_player is not None else heading
+            if isinstance(other_place, str):
+                mark = file.stage.marks.get(other_place)
+                other_place = (0.0, 0.0) if mark is None else mark.at
+            target = np.array([other_place[0], other_place[1], 0.0])
+        heading = footing.towards(complex(target[0], target[1]))
     return footing.facing(heading)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from fantoccini.base import FileError, SimulationError, StateError
 
-ERRORS = (FileError, SimulationError, ValueError, ArithmeticError)
+SIMULATION_ERRORS = (FileError, SimulationError, ValueError, ArithmeticError)
 """Errors of the simulator about states, inputs, runs and numbers, for which a cue is refused."""
 
 
@@ -17,16 +17,16 @@ class Stop:
     Attributes:
         players: players of the company.
         t: time of the stop [s].
-        why: reason.
+        reason: reason.
     """
 
     players: tuple[str, ...]
     t: float
-    why: str
+    reason: str
 
     def sentence(self, when: str) -> str:
         """Sentence about the stop; ``when`` is its time in words."""
-        return f"{' and '.join(self.players)}'s run stops {when}: {self.why}"
+        return f"{' and '.join(self.players)}'s run stops {when}: {self.reason}"
 
 
 class CannotBegin(StateError):

@@ -21,9 +21,9 @@ from fantoccini.kernel.contract import CONTACT, EVENT_AT, EventCode, width
 from fantoccini.kernel.runtime import Piece
 from fantoccini.motion import RECORDING_FORMAT as FORMAT, State, restored
 
-_STATE = ("q_D", "v_D", "q_K", "v_K", "taut", "slip")
-_MESH = "mesh:"
-_MEETINGS = (EventCode.TOUCH, EventCode.LIFT, EventCode.STICK, EventCode.SLIDE)
+_STATE_ARRAYS = ("q_D", "v_D", "q_K", "v_K", "taut", "slip")
+_MESH_PREFIX = "mesh:"
+_CONTACT_EVENTS = (EventCode.TOUCH, EventCode.LIFT, EventCode.STICK, EventCode.SLIDE)
 _SAMPLE_INTERVAL = 1.0
 """Time between saved samples [s]."""
 _MAX_STEPS = 1_000_000
@@ -31,20 +31,20 @@ _MAX_STEPS = 1_000_000
 
 
 @dataclass(frozen=True, eq=False)
-class Written:
+class RecordedOutput:
     """Output of a run, as the compiled code wrote it.
 
     Attributes:
-        output: samples, one a tick, events and contact points.
+        piece: samples, one a tick, events and contact points.
         status: end of the run.
     """
 
-    output: Piece
+    piece: Piece
     status: Status = Status.DONE
 
 
 @dataclass(frozen=True, eq=False)
-class Checks:
+class ReferenceSamples:
     """Samples of a saved recording.
 
     Attributes:
@@ -62,21 +62,21 @@ def save(fields: Mapping[str, Any], path: str | Path) -> None:
     """Writes the fields of a recording."""
     marionette: Marionette = fields["marionette"]
     start: State = fields["start"]
-    written: Written = fields["written"]
-    samples = written.output.samples
-    every = max(1, round(_SAMPLE_INTERVAL / fields["tick"]))
-    indices = np.unique(np.append(np.arange(0, len(samples), every), len(samples) - 1))
+    output: RecordedOutput = fields["output"]
+    samples = output.piece.samples
+    stride = max(1, round(_SAMPLE_INTERVAL / fields["tick"]))
+    indices = np.unique(np.append(np.arange(0, len(samples), stride), len(samples) - 1))
     portable = PortablePuppet.of(marionette.puppet)
-    about = {
+    metadata = {
         "format": FORMAT,
         "puppet": portable.text,
         "parameters": list(marionette.tree.parameters),
         "coordinates": list(marionette.coordinates.q_D + marionette.coordinates.q_K),
         "steps": fields["steps"],
-        "ended": fields["ended"],
-        "status": written.status.name,
+        "ended": fields["end_reason"],
+        "status": output.status.name,
     }
-    arrays = {f"start_{name}": getattr(start, name) for name in _STATE}
+    arrays = {f"start_{name}": getattr(start, name) for name in _STATE_ARRAYS}
     arrays |= {
         "t": np.array(start.t),
         "tick": np.array(fields["tick"]),
@@ -86,42 +86,42 @@ def save(fields: Mapping[str, Any], path: str | Path) -> None:
         "ticks": indices,
         "checks": samples[indices],
     }
-    arrays |= npz.packed(_MESH, portable.meshes)
-    npz.write(path, arrays, about, compressed=True)
+    arrays |= npz.packed(_MESH_PREFIX, portable.meshes)
+    npz.write(path, arrays, metadata, compressed=True)
 
 
-def fields_of(arrays: Mapping[str, Array], about: Mapping[str, Any]) -> dict[str, Any]:
+def fields_of(arrays: Mapping[str, Array], metadata: Mapping[str, Any]) -> dict[str, Any]:
     """Fields of a recording from the contents of its file.
 
     Raises:
         FantocciniError, LookupError, TypeError, ValueError: the contents are not those of a
             recording.
     """
-    marionette = _marionette(about, arrays)
+    marionette = _marionette(metadata, arrays)
     table, tree = marionette.coordinates, marionette.tree
     sizes = (table.n_qD, table.n_vD, table.n_qK, table.n_vK, tree.n_rows, len(tree.strings))
     state: dict[str, Any] = {
-        name: _of_state(arrays, f"start_{name}", size)
-        for name, size in zip(_STATE, sizes, strict=True)
+        name: _state_array(arrays, f"start_{name}", size)
+        for name, size in zip(_STATE_ARRAYS, sizes, strict=True)
     }
-    t, tick = (float(npz.finite(arrays, name, ())) for name in ("t", "tick"))
+    start_time, tick = (float(npz.finite(arrays, name, ())) for name in ("t", "tick"))
     acc_K = npz.finite(arrays, "acc_K", (None, table.n_vK))
-    status, extra = Status[about["status"]], dict[str, Any]()
-    if about["format"] == FORMAT:
-        extra["checks"] = _checks(marionette, arrays, len(acc_K), status)
+    status, output_fields = Status[metadata["status"]], dict[str, Any]()
+    if metadata["format"] == FORMAT:
+        output_fields["references"] = _references(marionette, arrays, len(acc_K), status)
     else:
-        extra["written"] = Written(_output(marionette, arrays), status)
-    steps = about["steps"]
+        output_fields["output"] = RecordedOutput(_output(marionette, arrays), status)
+    steps = metadata["steps"]
     if type(steps) is not int or not 1 <= steps <= _MAX_STEPS:
         raise ValueError(f"found {steps!r} steps in a tick; allowed: 1 to {_MAX_STEPS}")
     return {
         "marionette": marionette,
-        "start": State(t, **state, coordinates=table),
+        "start": State(start_time, **state, coordinates=table),
         "acc_K": acc_K,
         "tick": tick,
         "steps": steps,
-        "ended": str(about["ended"]),
-        **extra,
+        "end_reason": str(metadata["ended"]),
+        **output_fields,
     }
 
 
@@ -133,57 +133,59 @@ def _samples(marionette: Marionette, arrays: Mapping[str, Array], name: str) -> 
     return samples
 
 
-def _checks(marionette: Marionette, arrays: Mapping[str, Array], n: int, status: Status) -> Checks:
+def _references(
+    marionette: Marionette, arrays: Mapping[str, Array], n_ticks: int, status: Status
+) -> ReferenceSamples:
     samples = _samples(marionette, arrays, "checks")
     ticks: Indices = npz.checked(arrays, "ticks", (len(samples),), "i").astype(np.intp)
-    if ticks[0] != 0 or np.any(np.diff(ticks) <= 0) or ticks[-1] > n:
-        raise ValueError(f"ticks must increase from 0 and be at most {n}")
-    return Checks(ticks, samples, status)
+    if ticks[0] != 0 or np.any(np.diff(ticks) <= 0) or ticks[-1] > n_ticks:
+        raise ValueError(f"ticks must increase from 0 and be at most {n_ticks}")
+    return ReferenceSamples(ticks, samples, status)
 
 
 def _output(marionette: Marionette, arrays: Mapping[str, Array]) -> Piece:
     """Samples, events and contact points of a file in the previous format."""
     samples = _samples(marionette, arrays, "rows")
     contacts = npz.finite(arrays, "contacts", (None, width(CONTACT, {})))
-    pairs = _pairs(marionette, contacts, len(samples))
+    pairs = _n_pairs(marionette, contacts, len(samples))
     events = _events(marionette, npz.finite(arrays, "events", (None, 5)), pairs)
     return Piece(samples, events, contacts)
 
 
-def _of_state(arrays: Mapping[str, Array], name: str, size: int) -> Array:
+def _state_array(arrays: Mapping[str, Array], name: str, size: int) -> Array:
     if name == "start_taut":
         return npz.checked(arrays, name, (size,), "b")
     return npz.finite(arrays, name, (size,))
 
 
-def _pairs(marionette: Marionette, contacts: Array, n_samples: int) -> int:
+def _n_pairs(marionette: Marionette, contacts: Array, n_samples: int) -> int:
     """Number of pairs that may touch; checks the indices in contact points."""
-    known = marionette.contacts
-    pairs = 0 if known is None else len(known.names)
-    for name, column, end in (("sample", 0, n_samples), ("pair", 1, pairs)):
-        if not np.isin(contacts[:, column], np.arange(end)).all():
-            raise ValueError(f"contacts has a {name} that is not from 0 to {end - 1}")
-    return pairs
+    contacts_of_puppet = marionette.contacts
+    n_pairs = 0 if contacts_of_puppet is None else len(contacts_of_puppet.names)
+    for name, column, upper in (("sample", 0, n_samples), ("pair", 1, n_pairs)):
+        if not np.isin(contacts[:, column], np.arange(upper)).all():
+            raise ValueError(f"contacts has a {name} that is not from 0 to {upper - 1}")
+    return n_pairs
 
 
-def _events(marionette: Marionette, events: Array, pairs: int) -> Array:
+def _events(marionette: Marionette, events: Array, n_pairs: int) -> Array:
     """The events; checks their kinds and rows."""
-    n = len(marionette.tree.attributable)
+    n_attributable = len(marionette.tree.attributable)
     for event in events:
         kind, row = event[EVENT_AT["kind"]], event[EVENT_AT["row"]]
-        n_rows = n + pairs if kind in _MEETINGS else n
+        n_rows = n_attributable + n_pairs if kind in _CONTACT_EVENTS else n_attributable
         if kind not in list(EventCode) or row not in range(-1, n_rows):
             raise ValueError(f"found an event of the kind {kind:g} at the row {row:g}")
     return events
 
 
-def _marionette(about: Mapping[str, Any], arrays: Mapping[str, Array]) -> Marionette:
-    written = npz.text(about["puppet"], "puppet")
-    marionette = Marionette(restored(written, "<recording>", npz.unpacked(_MESH, arrays)))
-    table, parameters = marionette.coordinates, npz.texts(about["parameters"], "parameters")
-    if list(table.q_D + table.q_K) != about["coordinates"]:
+def _marionette(metadata: Mapping[str, Any], arrays: Mapping[str, Array]) -> Marionette:
+    text = npz.text(metadata["puppet"], "puppet")
+    marionette = Marionette(restored(text, "<recording>", npz.unpacked(_MESH_PREFIX, arrays)))
+    table, parameters = marionette.coordinates, npz.texts(metadata["parameters"], "parameters")
+    if list(table.q_D + table.q_K) != metadata["coordinates"]:
         raise ValueError("its puppet has other coordinates than were recorded")
-    numbers = npz.finite(arrays, "p", (len(parameters),)).tolist()
-    values = dict(zip(parameters, numbers, strict=True))
+    parameter_values = npz.finite(arrays, "p", (len(parameters),)).tolist()
+    values = dict(zip(parameters, parameter_values, strict=True))
     winches = npz.checked(arrays, "winches", marionette.winches.shape)
     return marionette.with_parameters(values).with_winches(winches)

@@ -84,14 +84,14 @@ class Balance:
             raise StateError(f"{marionette.name} has nothing that hands could move")
         self._performance = performance
         self._interval = max(1, round(_INTERVAL / performance.tick)) * performance.tick
-        self._task = _task(performance, x, nodes * self._interval)
+        self._task = _holding_task(performance, x, nodes * self._interval)
         self._nodes, self._threaded = nodes, threaded
         self.mpc: MPC | None = None
         self.late, self.message = 0, ""
         self._plans: tuple[_Plan, ...] = ()
         self._latencies: list[float] = []
-        self._end = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="balance", daemon=True)
+        self._stop_event = threading.Event()
+        self._thread = threading.Thread(target=self._run_updates, name="balance", daemon=True)
         if threaded:
             self._thread.start()
         else:
@@ -115,17 +115,17 @@ class Balance:
         """(n_vK,) accelerations of the plan in force at a state's time; braking without a plan."""
         if self.mpc is not None and not self._threaded and self._is_due(x.t, 0.0):
             self._update(self.mpc, x, x.t)
-        begun = [plan for plan in self._plans if plan.start <= x.t + _TIME_TOLERANCE]
-        if begun:
-            plan = begun[-1]
-            i = int((x.t - plan.start + _TIME_TOLERANCE) / self._interval)
-            if i < len(plan.acc_K):
-                return np.array(plan.acc_K[i])
+        started_plans = [plan for plan in self._plans if plan.start <= x.t + _TIME_TOLERANCE]
+        if started_plans:
+            plan = started_plans[-1]
+            interval_index = int((x.t - plan.start + _TIME_TOLERANCE) / self._interval)
+            if interval_index < len(plan.acc_K):
+                return np.array(plan.acc_K[interval_index])
         return np.asarray(-x.v_K / self._performance.tick)
 
     def stop(self) -> None:
         """Ends the thread."""
-        self._end.set()
+        self._stop_event.set()
         if self._thread.is_alive() and self._thread is not threading.current_thread():
             self._thread.join(timeout=2.0)
 
@@ -147,39 +147,42 @@ class Balance:
             self.message = str(error)
             return
         plan = mpc.prediction
-        whole = acc_K[None] if plan is None else plan.acc_K
-        self._plans = (*self._plans[-1:], _Plan(t, whole))
+        accelerations = acc_K[None] if plan is None else plan.acc_K
+        self._plans = (*self._plans[-1:], _Plan(t, accelerations))
 
-    def _run(self) -> None:
+    def _run_updates(self) -> None:
         try:
             mpc = self.mpc = self._new_mpc()
         except FantocciniError as error:
             self.message = str(error)
             return
-        while not self._end.is_set():
-            x = self._performance.state
+        while not self._stop_event.is_set():
+            state = self._performance.state
             latency = max(self._latencies, default=self._interval)
-            if not self._is_due(x.t, latency):
-                self._end.wait(_POLL_INTERVAL)
+            if not self._is_due(state.t, latency):
+                self._stop_event.wait(_POLL_INTERVAL)
                 continue
-            self._update(mpc, x, x.t + latency)
-            elapsed = self._performance.t - x.t
+            self._update(mpc, state, state.t + latency)
+            elapsed = self._performance.t - state.t
             self.late += elapsed > latency + _TIME_TOLERANCE
             self._latencies = [*self._latencies[1 - _N_LATENCIES :], max(elapsed, 0.0)]
 
 
-def _task(performance: Performance, x: State, horizon: float) -> Task:
+def _holding_task(performance: Performance, x: State, horizon: float) -> Task:
     """Task of staying at a state."""
     marionette = performance.marionette
     table = marionette.coordinates
     inertias = [link_inertia(link, marionette.number)[:2] for link in marionette.tree.links]
-    total_mass = sum(m for m, _ in inertias) or 1.0
+    total_mass = sum(mass for mass, _ in inertias) or 1.0
     tracks = [Track.velocity("*", weight=WEIGHTS.speed)]
-    for link, (m, com) in zip(marionette.tree.links, inertias, strict=True):
-        if m > 0.0:
-            pose, at = marionette.pose(x, link.name), (float(com[0]), float(com[1]), float(com[2]))
-            place, weight = pose[:3, 3] + pose[:3, :3] @ com, WEIGHTS.place * m / total_mass
-            tracks.append(Track.point(link.name, place, at=at, weight=weight))
+    for link, (mass, com) in zip(marionette.tree.links, inertias, strict=True):
+        if mass > 0.0:
+            pose, local_centre = (
+                marionette.pose(x, link.name),
+                (float(com[0]), float(com[1]), float(com[2])),
+            )
+            centre, weight = pose[:3, 3] + pose[:3, :3] @ com, WEIGHTS.place * mass / total_mass
+            tracks.append(Track.point(link.name, centre, at=local_centre, weight=weight))
     for q, _ in table.scalars_K:
         tracks.append(Track.coordinate(table.q_K[q], float(x.q_K[q]), weight=WEIGHTS.hands))
     bounds = performance.bounds

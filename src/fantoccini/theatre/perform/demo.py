@@ -9,13 +9,13 @@ from fantoccini.motion import Input, State
 DURATION = 10.0
 """Duration of the greeting [s]."""
 
-POSES = (0.0, 1.4, 2.1, 4.1, 4.9, 7.5, 8.2, 10.0)
+GREETING_PICTURE_TIMES = (0.0, 1.4, 2.1, 4.1, 4.9, 7.5, 8.2, 10.0)
 """Times of the greeting for pictures: hanging, the wave, two steps, the bow, hanging [s]."""
 
 WALK_DURATION = 12.0
 """Duration of the walk [s]."""
 
-WALK_POSES = (0.0, 1.2, 1.7, 2.3, 2.9, 3.5, 4.6, 7.2, 9.7)
+WALK_PICTURE_TIMES = (0.0, 1.2, 1.7, 2.3, 2.9, 3.5, 4.6, 7.2, 9.7)
 """Times of the walk for pictures: hanging, five steps, standing still, the wave, the nod [s]."""
 
 

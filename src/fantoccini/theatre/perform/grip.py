@@ -69,7 +69,7 @@ class HandLimiter:
     """Limits the velocities of hands in each tick, so that strings do not slip too far.
 
     Attributes:
-        held: (n_groups,) bool, groups of hand coordinates that were slowed in the last tick.
+        is_slowed: (n_groups,) bool, groups of hand coordinates that were slowed in the last tick.
 
     Args:
         marionette: puppet with winches, as :func:`gripped` returns it.
@@ -80,18 +80,18 @@ class HandLimiter:
     def __init__(self, marionette: Marionette, hands: Hands, grip: float):
         self.marionette, self.hands = marionette, hands
         max_tension = marionette.winches[:, WINCH_AT["max_tension"]]
-        self._wire: Mask = np.array([s.wire for s in marionette.tree.strings], dtype=bool)
+        self._is_wire: Mask = np.array([s.wire for s in marionette.tree.strings], dtype=bool)
         # Winches of the puppet that slip at a lower tension do not slow the hands.
-        is_limited = self._wire | (max_tension >= grip)
-        self._no_wires = not self._wire.any()
+        is_limited = self._is_wire | (max_tension >= grip)
+        self._no_wires = not self._is_wire.any()
         self._max_slip = np.where(is_limited, TOLERANCES.min_slip, np.inf)
         self._min_pull = np.where(is_limited, TOLERANCES.min_pull * grip, np.inf)
         self._grip = grip
         self._n_groups = len(hands.names)
-        self._none_held = np.zeros(self._n_groups, dtype=bool)
-        self.held = self._none_held
-        self._moves = _moves(marionette.tree)
-        self._batch = _independent_batches(self._moves)
+        self._none_slowed = np.zeros(self._n_groups, dtype=bool)
+        self.is_slowed = self._none_slowed
+        self._moves_string = _string_motion_mask(marionette.tree)
+        self._batches = _independent_batches(self._moves_string)
 
     def limited(self, x: State, tension: Array, wanted: VecK) -> VecK:
         """Velocities (n_vK,) of the hands that the strings permit [m/s or rad/s].
@@ -101,42 +101,46 @@ class HandLimiter:
             tension: (n_rows,) forces of strings and limits [N or N m].
             wanted: (n_vK,) wanted velocities [m/s or rad/s].
         """
-        self.held = self._none_held
-        slipped = x.slip > self._max_slip
-        if self._no_wires and not slipped.any():
+        self.is_slowed = self._none_slowed
+        is_slipped = x.slip > self._max_slip
+        if self._no_wires and not is_slipped.any():
             return wanted
         n = len(self._min_pull)
-        pull = np.where(self._wire, np.abs(tension[:n]), tension[:n])
-        pulling = pull > self._min_pull
-        if not (slipped.any() or (self._wire & pulling).any()):
+        pull = np.where(self._is_wire, np.abs(tension[:n]), tension[:n])
+        is_pulling = pull > self._min_pull
+        if not (is_slipped.any() or (self._is_wire & is_pulling).any()):
             return wanted
-        slip = float(np.max(x.slip[pulling & slipped], initial=0.0))
-        strained = self._wire & (pull > self._grip)
-        if strained.any():
+        slip = float(np.max(x.slip[is_pulling & is_slipped], initial=0.0))
+        is_strained = self._is_wire & (pull > self._grip)
+        if is_strained.any():
             slip = max(slip, HELD_SLIP)
         bounds = np.full(n, np.inf)
-        bounds[slipped] = 0.0  # slack while it rewinds
+        bounds[is_slipped] = 0.0  # slack while it rewinds
         if slip > TOLERANCES.min_slip:
-            bounds[pulling] = TOLERANCES.return_rate * (HELD_SLIP - slip)
-        if strained.any():
+            bounds[is_pulling] = TOLERANCES.return_rate * (HELD_SLIP - slip)
+        if is_strained.any():
             # A wire cannot slip: its violation is taken back.
-            at = {"q_D": x.q_D, "q_K": x.q_K, "p": self.marionette.p}
-            h = self.marionette.library.evaluate("rows", **at).h
-            bounds[strained] = -TOLERANCES.return_rate * np.abs(h[:n][strained])
+            arguments = {"q_D": x.q_D, "q_K": x.q_K, "p": self.marionette.p}
+            h = self.marionette.library.evaluate("rows", **arguments).h
+            bounds[is_strained] = -TOLERANCES.return_rate * np.abs(h[:n][is_strained])
         if not np.isfinite(bounds).any():
             return wanted
-        self.held = self._none_held.copy()
+        self.is_slowed = self._none_slowed.copy()
         # A wire under compression bounds the opposite direction.
-        bounded = np.flatnonzero(np.isfinite(bounds))
-        rates = self.rates(x)[bounded] * np.where(tension[bounded] < 0, -1.0, 1.0)[:, None]
-        slower, bounds = wanted.copy(), bounds[bounded]
-        for _ in range(TOLERANCES.max_rounds * len(bounded)):
-            excesses = rates @ slower - bounds
-            worst = int(np.argmax(excesses))
-            excess = excesses[worst]
-            if excess <= TOLERANCES.max_excess or not self._slow_down(rates[worst], slower, excess):
+        bounded_rows = np.flatnonzero(np.isfinite(bounds))
+        rates = (
+            self.rates(x)[bounded_rows] * np.where(tension[bounded_rows] < 0, -1.0, 1.0)[:, None]
+        )
+        velocity, bounds = wanted.copy(), bounds[bounded_rows]
+        for _ in range(TOLERANCES.max_rounds * len(bounded_rows)):
+            excesses = rates @ velocity - bounds
+            worst_row = int(np.argmax(excesses))
+            excess = excesses[worst_row]
+            if excess <= TOLERANCES.max_excess or not self._slow_down(
+                rates[worst_row], velocity, excess
+            ):
                 break
-        return self.hands.bounded(slower)
+        return self.hands.bounded_velocity(velocity)
 
     def messages(self, slip: Array) -> dict[str, list[str]]:
         """Reasons why handles and strings lag, by name.
@@ -145,7 +149,7 @@ class HandLimiter:
             slip: (n_strings,) slip of the strings [m].
         """
         reasons: dict[str, list[str]] = {}
-        for name in dict.fromkeys(np.array(self.hands.names)[self.held].tolist()):
+        for name in dict.fromkeys(np.array(self.hands.names)[self.is_slowed].tolist()):
             reasons[name] = ["hand pulls against its limit"]
         for string, length in zip(self.marionette.tree.strings, slip.tolist(), strict=True):
             if length > TOLERANCES.min_slip:
@@ -159,56 +163,64 @@ class HandLimiter:
         Velocities that move no string in common are evaluated together.
         """
         n_K, n_D = len(x.v_K), len(x.v_D)
-        still, batch = np.zeros(n_D), self._batch
-        unit = np.zeros((np.max(batch, initial=-1) + 1, n_K))
-        unit[batch, np.arange(n_K)] = 1.0
+        zero_velocity, batches = np.zeros(n_D), self._batches
+        unit_velocities = np.zeros((np.max(batches, initial=-1) + 1, n_K))
+        unit_velocities[batches, np.arange(n_K)] = 1.0
         dynamics = self.marionette.library.evaluate(
             "dynamics",
             q_D=x.q_D,
-            v_D=still,
+            v_D=zero_velocity,
             q_K=x.q_K,
-            v_K=unit,
+            v_K=unit_velocities,
             acc_K=np.zeros(n_K),
-            u_D=still,
+            u_D=zero_velocity,
             p=self.marionette.p,
         )
-        return np.where(self._moves, dynamics.hdot_K[batch].T, 0.0)
+        return np.where(self._moves_string, dynamics.hdot_K[batches].T, 0.0)
 
     def _slow_down(self, row: Array, wanted: VecK, excess: float) -> bool:
         """Slows the groups that lengthen a string's path, in proportion; False without any."""
         group, n = self.hands.group, self._n_groups
-        lengthening = np.maximum(np.bincount(group, row * wanted, n), 0.0)
-        total = lengthening.sum()
-        if total <= 0.0:
+        lengthening_rates = np.maximum(np.bincount(group, row * wanted, n), 0.0)
+        total_rate = lengthening_rates.sum()
+        if total_rate <= 0.0:
             return False
-        square = np.bincount(group, row * row, n)
-        correction = excess * lengthening / (total * np.where(square > 0.0, square, 1.0))
+        squared_norm = np.bincount(group, row * row, n)
+        correction = (
+            excess
+            * lengthening_rates
+            / (total_rate * np.where(squared_norm > 0.0, squared_norm, 1.0))
+        )
         wanted -= correction[group] * row
-        self.held |= lengthening > TOLERANCES.min_share * total
+        self.is_slowed |= lengthening_rates > TOLERANCES.min_share * total_rate
         return True
 
 
-def _moves(tree: Tree) -> Mask:
+def _string_motion_mask(tree: Tree) -> Mask:
     """(n_strings, n_vK) bool, whether a velocity changes the path or the length of a string."""
-    moves = np.zeros((len(tree.strings), tree.coordinates.n_vK), dtype=bool)
-    for row, string in zip(moves, tree.strings, strict=True):
+    mask = np.zeros((len(tree.strings), tree.coordinates.n_vK), dtype=bool)
+    for row, string in zip(mask, tree.strings, strict=True):
         for point in string.points:
             for i in tree.ancestors(point.link):
                 if tree.links[i].role is Role.DRIVEN:
                     row[tree.links[i].v] = True
         if string.driven_length:
             row[string.driven_length[1]] = True
-    return moves
+    return mask
 
 
 def _independent_batches(moves: Mask) -> Indices:
     """(n_vK,) batch of each driven velocity; no two of a batch move the same string."""
-    batch = np.zeros(moves.shape[1], dtype=int)
-    moved: list[Mask] = []
+    batches = np.zeros(moves.shape[1], dtype=int)
+    strings_of_batch: list[Mask] = []
     for j, strings in enumerate(moves.T):
-        free = (k for k, others in enumerate(moved) if not np.any(others & strings))
-        batch[j] = next(free, len(moved))
-        if batch[j] == len(moved):
-            moved.append(np.zeros(len(moves), dtype=bool))
-        moved[batch[j]] |= strings
-    return batch
+        free_batches = (
+            k
+            for k, moved_strings in enumerate(strings_of_batch)
+            if not np.any(moved_strings & strings)
+        )
+        batches[j] = next(free_batches, len(strings_of_batch))
+        if batches[j] == len(strings_of_batch):
+            strings_of_batch.append(np.zeros(len(moves), dtype=bool))
+        strings_of_batch[batches[j]] |= strings
+    return batches

@@ -13,7 +13,7 @@ from fantoccini.base import Array, ConfigK, Quaternion, StateError, Vec3, rotati
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.model.tree import WORLD, Link, Role
 
-Place = tuple[Vec3, Quaternion]
+HandlePose = tuple[Vec3, Quaternion]
 """Position (3,) [m] and orientation (4,) as w, x, y, z in the world."""
 
 _MAX_DISTANCE = 1e6
@@ -30,37 +30,37 @@ class Handle:
         joint: fixed, revolute, prismatic, translation, ball or free.
         axes: (k, 3) directions in the world along which it moves, k from 0 to 3; if the joint's
             parent moves, those at the start.
-        turns: (k, 3) directions about which it turns, in the same sense.
+        turn_axes: (k, 3) directions about which it turns, in the same sense.
         coordinates: names of its driven coordinates, as in q_K.
         link: index of its link.
         q, v: indices of its coordinates in q_K and v_K.
-        base: orientation (3, 3) and origin (3,) of its joint in the world; None if its parent
-            moves.
+        fixed_frame: orientation (3, 3) and origin (3,) of its joint in the world; None if its
+            parent moves.
     """
 
     name: str
     kind: Literal["end", "body"]
     joint: str
     axes: Array
-    turns: Array
+    turn_axes: Array
     coordinates: tuple[str, ...]
     link: int
     q: slice
     v: slice
-    base: tuple[Array, Vec3] | None = None
+    fixed_frame: tuple[Array, Vec3] | None = None
 
     @property
-    def moves(self) -> slice:
+    def translation_indices(self) -> slice:
         """Indices in v_K of its translations."""
         return slice(self.v.start, self.v.start + len(self.axes))
 
     @property
-    def rotates(self) -> slice:
+    def rotation_indices(self) -> slice:
         """Indices in v_K of its rotations."""
-        return slice(self.v.stop - len(self.turns), self.v.stop)
+        return slice(self.v.stop - len(self.turn_axes), self.v.stop)
 
 
-def handles_of(marionette: Marionette, poses: Array) -> tuple[Handle, ...]:
+def find_handles(marionette: Marionette, poses: Array) -> tuple[Handle, ...]:
     """Handles of a puppet, in the order of its links.
 
     Args:
@@ -69,16 +69,16 @@ def handles_of(marionette: Marionette, poses: Array) -> tuple[Handle, ...]:
     """
     handles = []
     for i, link in enumerate(marionette.tree.links):
-        lead = marionette.tree.commanding(i)
-        if lead is None:
+        command_indices = marionette.tree.commanding(i)
+        if command_indices is None:
             continue
-        R, r = frame(marionette, link, poses)
-        joint_axes, none, all_axes = (R @ link.axes).T, np.zeros((0, 3)), np.eye(3)
-        axes, turns = {
-            "revolute": (none, joint_axes),
-            "prismatic": (joint_axes, none),
-            "translation": (joint_axes, none),
-            "ball": (none, all_axes),
+        R, r = joint_frame(marionette, link, poses)
+        joint_axes, no_axes, all_axes = (R @ link.axes).T, np.zeros((0, 3)), np.eye(3)
+        axes, turn_axes = {
+            "revolute": (no_axes, joint_axes),
+            "prismatic": (joint_axes, no_axes),
+            "translation": (joint_axes, no_axes),
+            "ball": (no_axes, all_axes),
             "free": (all_axes, all_axes),
         }[link.kind]
         # Names of bodies have no dots: this is a driven string end.
@@ -89,12 +89,12 @@ def handles_of(marionette: Marionette, poses: Array) -> tuple[Handle, ...]:
                 kind="end" if is_end else "body",
                 joint=link.kind,
                 axes=axes,
-                turns=turns,
-                coordinates=marionette.coordinates.q_K[lead[0]],
+                turn_axes=turn_axes,
+                coordinates=marionette.coordinates.q_K[command_indices[0]],
                 link=i,
-                q=lead[0],
-                v=lead[1],
-                base=(R, r) if _has_fixed_joint(marionette, link) else None,
+                q=command_indices[0],
+                v=command_indices[1],
+                fixed_frame=(R, r) if _has_fixed_joint(marionette, link) else None,
             )
         )
     return tuple(handles)
@@ -107,7 +107,7 @@ def _has_fixed_joint(marionette: Marionette, link: Link) -> bool:
     return all(tree.links[i].role is Role.FIXED for i in ancestors)
 
 
-def frame(marionette: Marionette, link: Link, poses: Array) -> tuple[Array, Vec3]:
+def joint_frame(marionette: Marionette, link: Link, poses: Array) -> tuple[Array, Vec3]:
     """Orientation (3, 3) and origin (3,) of a link's joint frame in the world."""
     offset = np.array([marionette.number(n) for n in link.offset])
     if link.parent == WORLD:
@@ -116,7 +116,7 @@ def frame(marionette: Marionette, link: Link, poses: Array) -> tuple[Array, Vec3
     return R @ link.rotation, r + R @ offset
 
 
-def place_of(marionette: Marionette, handle: Handle, q_K: ConfigK, poses: Array) -> Place:
+def handle_pose(marionette: Marionette, handle: Handle, q_K: ConfigK, poses: Array) -> HandlePose:
     """Place of a handle at a driven configuration.
 
     Args:
@@ -126,22 +126,24 @@ def place_of(marionette: Marionette, handle: Handle, q_K: ConfigK, poses: Array)
         poses: (n_links, 3, 4) poses of the links; may be empty for a joint at a fixed place.
     """
     link = marionette.tree.links[handle.link]
-    R, r = handle.base or frame(marionette, link, poses)
-    q, turn = q_K[handle.q], None
+    R, r = handle.fixed_frame or joint_frame(marionette, link, poses)
+    q, rotation_in_joint = q_K[handle.q], None
     match link.kind:
         case "revolute":
-            turn = rotation.exp(link.axes[:, 0] * q[0])
+            rotation_in_joint = rotation.exp(link.axes[:, 0] * q[0])
         case "prismatic" | "translation":
             r = r + R @ (link.axes @ q)
         case "ball":
-            turn = q
+            rotation_in_joint = q
         case "free":
-            r, turn = r + R @ q[:3], q[3:]
+            r, rotation_in_joint = r + R @ q[:3], q[3:]
     wxyz = rotation.quaternion(R)
-    return r, wxyz if turn is None else rotation.normalised(rotation.multiply(wxyz, turn))
+    return r, wxyz if rotation_in_joint is None else rotation.normalised(
+        rotation.multiply(wxyz, rotation_in_joint)
+    )
 
 
-def wanted(
+def handle_coordinates(
     marionette: Marionette,
     handle: Handle,
     q: Array,
@@ -163,21 +165,21 @@ def wanted(
         StateError: a position or orientation is invalid.
     """
     link = marionette.tree.links[handle.link]
-    R, r = handle.base or frame(marionette, link, poses)
+    R, r = handle.fixed_frame or joint_frame(marionette, link, poses)
     q = np.array(q)
     if position is not None and len(handle.axes):
         # Dot is twice as fast as @ for vectors.
         local = R.T.dot(_checked_position(handle, position) - r)
         translation = local if link.kind == "free" else link.axes.T.dot(local)
-        q[: len(handle.axes)] = _bounded(translation)
-    if wxyz is not None and len(handle.turns):
+        q[: len(handle.axes)] = _clipped(translation)
+    if wxyz is not None and len(handle.turn_axes):
         target = _checked_orientation(handle, wxyz)
-        turn = rotation.multiply(rotation.conjugate(rotation.quaternion(R)), target)
+        rotation_in_joint = rotation.multiply(rotation.conjugate(rotation.quaternion(R)), target)
         if link.kind == "revolute":
-            angle = 2.0 * np.arctan2(turn[1:] @ link.axes[:, 0], turn[0])
+            angle = 2.0 * np.arctan2(rotation_in_joint[1:] @ link.axes[:, 0], rotation_in_joint[0])
             q[0] = rotation.nearest_angle(angle, q[0])
         else:
-            q[-4:] = turn
+            q[-4:] = rotation_in_joint
     return q
 
 
@@ -186,13 +188,13 @@ def _checked_position(handle: Handle, position: ArrayLike) -> Vec3:
     vector = np.asarray(position, dtype=float)
     if vector.shape != (3,) or not all(map(math.isfinite, vector.tolist())):
         raise StateError(f"{handle.name}: found {position!r}; a position is three finite numbers")
-    return _bounded(vector)
+    return _clipped(vector)
 
 
-def _bounded(x: Vec3) -> Vec3:
+def _clipped(x: Vec3) -> Vec3:
     """Vector with components of at most 1,000 km."""
-    numbers = x.tolist()
-    if min(numbers) >= -_MAX_DISTANCE and max(numbers) <= _MAX_DISTANCE:
+    components = x.tolist()
+    if min(components) >= -_MAX_DISTANCE and max(components) <= _MAX_DISTANCE:
         return x  # the usual case; np.clip takes ten times as long
     return np.clip(x, -_MAX_DISTANCE, _MAX_DISTANCE)
 

@@ -25,20 +25,26 @@ from fantoccini.model.tree import ChainRow
 from fantoccini.motion import State
 from fantoccini.theatre.gestures import ARM
 from fantoccini.theatre.perform import reach
-from fantoccini.theatre.perform.handle import Handle, Place, handles_of, place_of, wanted
-from fantoccini.theatre.perform.player import Steps
+from fantoccini.theatre.perform.handle import (
+    Handle,
+    HandlePose,
+    find_handles,
+    handle_coordinates,
+    handle_pose,
+)
+from fantoccini.theatre.perform.player import TickOffsets
 
 
 class Limits(NamedTuple):
     """Bounds of hands."""
 
-    arm: float = ARM
+    turning_radius: float = ARM
     """Distance from the axis at which the bounds of a translation apply to a rotation [m]."""
     min_length: float = 0.01
     """Shortest length of a driven string [m]."""
     relative_range: tuple[float, float] = (0.1, 2.0)
     """Range of a driven length, relative to that at the start."""
-    chain_lengths: int = 20
+    n_chain_lengths: int = 20
     """Number of lengths to try as the shortest of a chain."""
 
 
@@ -67,7 +73,7 @@ class Hands:
         marionette: puppet.
         handles: parts that can be held.
         lengths: string with a driven length -> shortest and longest [m].
-        winch: string with a driven length -> (q, v), its indices in q_K and v_K.
+        winch_indices: string with a driven length -> (q, v), its indices in q_K and v_K.
         names: (n_groups,) name of the handle or string of each group.
         group: (n_vK,) group of each driven velocity.
         speed, acceleration: (n_groups,) bounds [m/s, m/s^2 or rad/s, rad/s^2].
@@ -76,14 +82,14 @@ class Hands:
     marionette: Marionette
     handles: tuple[Handle, ...]
     lengths: dict[str, tuple[float, float]]
-    winch: dict[str, tuple[int, int]]
+    winch_indices: dict[str, tuple[int, int]]
     names: tuple[str, ...]
     group: Indices
     speed: Array
     acceleration: Array
 
     @classmethod
-    def of(
+    def for_puppet(
         cls,
         marionette: Marionette,
         x: State,
@@ -100,42 +106,65 @@ class Hands:
             acceleration: bound on their acceleration [m/s^2].
             lengths: string -> its range [m]; contains at least the driven ones.
         """
-        handles = handles_of(marionette, marionette.poses(x.q_D, x.q_K))
-        winch = _winches(marionette)
-        ranges = {name: lengths[name] for name in winch}
-        groups = [(h.name, h.moves, 1.0) for h in handles if len(h.axes)]
-        groups += [(h.name, h.rotates, 1.0 / LIMITS.arm) for h in handles if len(h.turns)]
-        groups += [(name, slice(v, v + 1), 1.0) for name, (_, v) in winch.items()]
+        handles = find_handles(marionette, marionette.poses(x.q_D, x.q_K))
+        winch_indices = _winches(marionette)
+        length_ranges = {name: lengths[name] for name in winch_indices}
+        groups = [(h.name, h.translation_indices, 1.0) for h in handles if len(h.axes)]
+        groups += [
+            (h.name, h.rotation_indices, 1.0 / LIMITS.turning_radius)
+            for h in handles
+            if len(h.turn_axes)
+        ]
+        groups += [(name, slice(v, v + 1), 1.0) for name, (_, v) in winch_indices.items()]
         group = np.zeros(len(x.v_K), dtype=np.intp)
-        for i, (_, place, _) in enumerate(groups):
-            group[place] = i
+        for i, (_, indices, _) in enumerate(groups):
+            group[indices] = i
         scale = np.array([factor for _, _, factor in groups])
         names = tuple(name for name, _, _ in groups)
         return cls(
-            marionette, handles, ranges, winch, names, group, speed * scale, acceleration * scale
+            marionette,
+            handles,
+            length_ranges,
+            winch_indices,
+            names,
+            group,
+            speed * scale,
+            acceleration * scale,
         )
 
     @staticmethod
-    def ranges_of(marionette: Marionette, x: State, dt: float) -> dict[str, tuple[float, float]]:
+    def default_ranges(
+        marionette: Marionette, x: State, dt: float
+    ) -> dict[str, tuple[float, float]]:
         """String with a driven length -> range about its length at a state [m].
 
         Chains are long enough for steps of ``dt`` [s].
         """
-        ranges = {name: _range(float(x.q_K[q])) for name, (q, _) in _winches(marionette).items()}
+        ranges = {
+            name: _length_range(float(x.q_K[q])) for name, (q, _) in _winches(marionette).items()
+        }
         for chain in marionette.tree.chains:
             if chain.name in ranges:
-                low, high = ranges[chain.name]
-                ranges[chain.name] = _shortest(marionette, chain, x, low, dt), high
+                shortest, longest = ranges[chain.name]
+                ranges[chain.name] = (
+                    _shortest_chain_length(marionette, chain, x, shortest, dt),
+                    longest,
+                )
         return ranges
 
     def coordinate_bounds(self) -> HandBounds:
         """Bounds of every driven coordinate."""
         table = self.marionette.coordinates
-        share = 1.0 / np.sqrt(np.bincount(self.group, minlength=len(self.speed)))[self.group]
-        speed, acceleration = self.speed[self.group] * share, self.acceleration[self.group] * share
+        axis_share = 1.0 / np.sqrt(np.bincount(self.group, minlength=len(self.speed)))[self.group]
+        speed, acceleration = (
+            self.speed[self.group] * axis_share,
+            self.acceleration[self.group] * axis_share,
+        )
         scalars = {q for q, _ in table.scalars_K}
         position = {
-            table.q_K[q]: self.lengths[name] for name, (q, _) in self.winch.items() if q in scalars
+            table.q_K[q]: self.lengths[name]
+            for name, (q, _) in self.winch_indices.items()
+            if q in scalars
         }
         return HandBounds(
             position,
@@ -176,15 +205,15 @@ class Hands:
 
     def length_index(self, string: str) -> int:
         """Index in q_K of a driven length, or of its drive's command."""
-        if string not in self.winch:
-            raise UnknownNameError("string with a driven length", string, self.winch)
-        return self.winch[string][0]
+        if string not in self.winch_indices:
+            raise UnknownNameError("string with a driven length", string, self.winch_indices)
+        return self.winch_indices[string][0]
 
-    def place(self, name: str, x: State) -> Place:
+    def place(self, name: str, x: State) -> HandlePose:
         """Position (3,) [m] and orientation (w, x, y, z) of a handle in the world."""
         return self._place(self.handle(name), x.q_K, x)
 
-    def place_at(self, name: str, q_K: ConfigK, x: State) -> Place:
+    def place_at(self, name: str, q_K: ConfigK, x: State) -> HandlePose:
         """Place of a handle at other driven coordinates, with those of its joint's parts.
 
         Args:
@@ -216,77 +245,87 @@ class Hands:
             UnknownNameError: no handle has this name.
             StateError: a position or orientation is invalid.
         """
-        moved, handle = np.array(q_K), self.handle(name)
+        coordinates, handle = np.array(q_K), self.handle(name)
         for h in (*self.carriers(handle), handle):
             poses = self._poses(h, x)
-            moved[h.q] = wanted(self.marionette, h, q_K[h.q], poses, position, wxyz)
-        return moved
+            coordinates[h.q] = handle_coordinates(
+                self.marionette, h, q_K[h.q], poses, position, wxyz
+            )
+        return coordinates
 
-    def _place(self, handle: Handle, q_K: ConfigK, x: State) -> Place:
-        return place_of(self.marionette, handle, q_K, self._poses(handle, x))
+    def _place(self, handle: Handle, q_K: ConfigK, x: State) -> HandlePose:
+        return handle_pose(self.marionette, handle, q_K, self._poses(handle, x))
 
     def _poses(self, handle: Handle, x: State) -> Array:
         """(n_links, 3, 4) poses of the links; empty if the handle's joint is at a fixed place."""
-        if handle.base is not None:
+        if handle.fixed_frame is not None:
             return _NO_POSES
         return self.marionette.poses(x.q_D, x.q_K)
 
-    def away(self, q_K: ConfigK, wanted: ConfigK) -> VecK:
+    def displacement(self, q_K: ConfigK, target: ConfigK) -> VecK:
         """(n_vK,) tangent vector from one driven configuration to another."""
-        table, away = self.marionette.coordinates, np.zeros(len(self.group))
+        table, vector = self.marionette.coordinates, np.zeros(len(self.group))
         q, v = table.places_K
-        away[v] = wanted[q] - q_K[q]
-        for at, w in table.quaternions_K:
-            turned = slice(at, at + 4)
-            away[w : w + 3] = rotation.between(q_K[turned], wanted[turned])
-        return away
+        vector[v] = target[q] - q_K[q]
+        for q_index, v_index in table.quaternions_K:
+            quaternion = slice(q_index, q_index + 4)
+            vector[v_index : v_index + 3] = rotation.between(q_K[quaternion], target[quaternion])
+        return vector
 
     def wanted_velocity(
-        self, x: State, wanted: ConfigK, tick: float, steps: Steps | None = None
+        self, x: State, target: ConfigK, tick: float, offsets: TickOffsets | None = None
     ) -> VecK:
         """(n_vK,) wanted velocities after the next tick; see ``reach``.
 
         Args:
             x: state.
-            wanted: (n_qK,) targets.
+            target: (n_qK,) targets.
             tick: duration of a tick [s].
-            steps: offsets that are added over the tick.
+            offsets: offsets that are added over the tick.
         """
-        if steps is None:
-            away, v_K = self.away(x.q_K, wanted), x.v_K
+        if offsets is None:
+            displacement, v_K = self.displacement(x.q_K, target), x.v_K
         else:
-            away = self.away(x.q_K, self.moved(wanted, steps.d))
-            v_K = x.v_K - self._rates(wanted, steps.d, steps.rate, away)
-        velocity = reach.wanted_velocity(away, v_K, tick, self.group, self.speed, self.acceleration)
-        if steps is None:
+            displacement = self.displacement(x.q_K, self.with_offsets(target, offsets.d))
+            v_K = x.v_K - self._velocities(target, offsets.d, offsets.rate, displacement)
+        velocity = reach.wanted_velocity(
+            displacement, v_K, tick, self.group, self.speed, self.acceleration
+        )
+        if offsets is None:
             return velocity
-        return self.bounded(velocity + self._rates(wanted, steps.d_next, steps.rate_next, away))
+        return self.bounded_velocity(
+            velocity + self._velocities(target, offsets.d_next, offsets.rate_next, displacement)
+        )
 
-    def moved(self, q_K: ConfigK, d: VecK) -> ConfigK:
+    def with_offsets(self, q_K: ConfigK, d: VecK) -> ConfigK:
         """(n_qK,) driven configuration plus offsets (n_vK,), with lengths in their ranges."""
-        table, moved = self.marionette.coordinates, np.array(q_K)
+        table, shifted = self.marionette.coordinates, np.array(q_K)
         q, v = table.places_K
-        moved[q] += d[v]
-        for at, w in table.quaternions_K:
-            moved[at : at + 4] = rotation.multiply(q_K[at : at + 4], rotation.exp(d[w : w + 3]))
-        for name, (place, _) in self.winch.items():
-            moved[place] = np.clip(moved[place], *self.lengths[name])
-        return moved
+        shifted[q] += d[v]
+        for q_index, v_index in table.quaternions_K:
+            shifted[q_index : q_index + 4] = rotation.multiply(
+                q_K[q_index : q_index + 4], rotation.exp(d[v_index : v_index + 3])
+            )
+        for name, (q_index, _) in self.winch_indices.items():
+            shifted[q_index] = np.clip(shifted[q_index], *self.lengths[name])
+        return shifted
 
-    def _rates(self, wanted: ConfigK, d: VecK, rate: VecK, away: VecK) -> VecK:
-        """(n_vK,) velocities of :meth:`moved`; those of rotations in the frame of the hand."""
-        rates = np.array(rate)
-        for _, w in self.marionette.coordinates.quaternions_K:
-            turn = slice(w, w + 3)
-            angular_velocity = rotation.right_jacobian(d[turn]) @ rate[turn]
-            rates[turn] = rotation.matrix(rotation.exp(away[turn])) @ angular_velocity
-        for name, (place, v) in self.winch.items():
-            low, high = self.lengths[name]
-            if not low <= wanted[place] + d[v] <= high:
-                rates[v] = 0.0
-        return rates
+    def _velocities(self, target: ConfigK, d: VecK, rate: VecK, displacement: VecK) -> VecK:
+        """(n_vK,) velocities of :meth:`with_offsets`; of rotations in the frame of the hand."""
+        velocities = np.array(rate)
+        for _, v_index in self.marionette.coordinates.quaternions_K:
+            indices = slice(v_index, v_index + 3)
+            angular_velocity = rotation.right_jacobian(d[indices]) @ rate[indices]
+            velocities[indices] = (
+                rotation.matrix(rotation.exp(displacement[indices])) @ angular_velocity
+            )
+        for name, (q_index, v) in self.winch_indices.items():
+            shortest, longest = self.lengths[name]
+            if not shortest <= target[q_index] + d[v] <= longest:
+                velocities[v] = 0.0
+        return velocities
 
-    def bounded(self, v_K: VecK) -> VecK:
+    def bounded_velocity(self, v_K: VecK) -> VecK:
         """(n_vK,) velocities within the bound on speed."""
         size = reach.lengths(v_K, self.group, len(self.speed))
         return v_K * np.minimum(1.0, self.speed / np.maximum(size, self.speed))[self.group]
@@ -303,23 +342,27 @@ def _winches(marionette: Marionette) -> dict[str, tuple[int, int]]:
     return {name: place for name, place in places.items() if place is not None}
 
 
-def _shortest(marionette: Marionette, chain: ChainRow, x: State, low: float, dt: float) -> float:
-    """Shortest of a few lengths from ``low`` [m] that permits steps of dt [s]."""
+def _shortest_chain_length(
+    marionette: Marionette, chain: ChainRow, x: State, min_length: float, dt: float
+) -> float:
+    """Shortest of a few lengths from ``min_length`` [m] that permits steps of dt [s]."""
     assert chain.length_index is not None  # its length is driven, or wound by a drive
-    q, index = (x.q_K, x.q_D)[chain.driven_length is None].copy(), chain.length_index[0]
-    present = float(q[index])
-    for length in np.geomspace(min(low, present), present, LIMITS.chain_lengths)[:-1]:
-        q[index] = length
+    q, length_index = (x.q_K, x.q_D)[chain.driven_length is None].copy(), chain.length_index[0]
+    present_length = float(q[length_index])
+    for length in np.geomspace(
+        min(min_length, present_length), present_length, LIMITS.n_chain_lengths
+    )[:-1]:
+        q[length_index] = length
         configuration = (x.q_D, q) if chain.driven_length else (q, x.q_K)
         try:
             check_step(marionette, "timestepping", *configuration, dt)
         except StateError:
             continue
         return float(length)
-    return present
+    return present_length
 
 
-def _range(length: float) -> tuple[float, float]:
+def _length_range(length: float) -> tuple[float, float]:
     """Range of a driven length that is ``length`` at the start [m]."""
-    short, long = (factor * length for factor in LIMITS.relative_range)
-    return max(LIMITS.min_length, short), max(2.0 * LIMITS.min_length, long)
+    shortest, longest = (factor * length for factor in LIMITS.relative_range)
+    return max(LIMITS.min_length, shortest), max(2.0 * LIMITS.min_length, longest)

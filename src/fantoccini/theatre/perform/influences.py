@@ -38,7 +38,7 @@ class Push(NamedTuple):
     force: Vec3
 
 
-def push_on(marionette: Marionette, body: str, force: Vec3, at: Vec3 | None) -> Push:
+def make_push(marionette: Marionette, body: str, force: Vec3, at: Vec3 | None) -> Push:
     """Push on a point of a body, given in its frame [m]; at its centre of mass by default.
 
     Raises:
@@ -47,11 +47,15 @@ def push_on(marionette: Marionette, body: str, force: Vec3, at: Vec3 | None) -> 
     """
     link = marionette.tree.links[marionette.link_index(body)]
     com = link_inertia(link, marionette.number)[1]
-    where = com if at is None else np.asarray(at, dtype=float)
-    push = np.asarray(force, dtype=float)
-    if where.shape != (3,) or push.shape != (3,) or not np.isfinite([where, push]).all():
+    point = com if at is None else np.asarray(at, dtype=float)
+    force_vector = np.asarray(force, dtype=float)
+    if (
+        point.shape != (3,)
+        or force_vector.shape != (3,)
+        or not np.isfinite([point, force_vector]).all()
+    ):
         raise StateError(f"a push of {force!r} at {at!r}; needed: three finite numbers each")
-    return Push(where - com, push)
+    return Push(point - com, force_vector)
 
 
 class Influences:
@@ -73,9 +77,9 @@ class Influences:
 
     def end_law(self) -> None:
         """Ends the law."""
-        before, self.law = self.law, None
-        if before is not None:
-            before.stop()
+        law, self.law = self.law, None
+        if law is not None:
+            law.stop()
 
     def forces(self, marionette: Marionette, x: State) -> VecD | None:
         """(n_vD,) generalised forces of the pushes; None without any."""

@@ -14,7 +14,7 @@ from fantoccini.motion import channel_names
 from fantoccini.theatre.gestures import Gesture
 
 
-class LanePlaces(NamedTuple):
+class LaneMasks(NamedTuple):
     """Masks of some lanes.
 
     Attributes:
@@ -26,36 +26,36 @@ class LanePlaces(NamedTuple):
     v: MaskRows
 
 
-def lanes_of(table: CoordinateTable) -> tuple[str, ...]:
+def lane_names(table: CoordinateTable) -> tuple[str, ...]:
     """Names of all lanes."""
     return tuple(dict.fromkeys(map(_lane, channel_names(table))))
 
 
-def places_of(table: CoordinateTable, lanes: Collection[str]) -> LanePlaces:
+def lane_masks(table: CoordinateTable, lanes: Collection[str]) -> LaneMasks:
     """Masks of lanes.
 
     Raises:
         UnknownNameError: no lane has this name.
     """
-    names = lanes_of(table)
+    names = lane_names(table)
     for lane in lanes:
         if lane not in names:
             raise UnknownNameError("lane", lane, list(names))
     v: MaskRows = np.zeros(table.n_vK, dtype=bool)
-    for name, (_, place) in channel_names(table).items():
-        v[place] |= _lane(name) in lanes
-    return LanePlaces(np.array([_lane(name) in lanes for name in table.q_K], dtype=bool), v)
+    for name, (_, indices) in channel_names(table).items():
+        v[indices] |= _lane(name) in lanes
+    return LaneMasks(np.array([_lane(name) in lanes for name in table.q_K], dtype=bool), v)
 
 
-def without(motion: Gesture, armed: Collection[str]) -> Gesture:
+def without_lanes(motion: Gesture, armed: Collection[str]) -> Gesture:
     """Motion without the armed lanes.
 
     Raises:
         UnknownNameError: no lane has this name.
     """
-    free: MaskRows = motion.named & ~places_of(motion.coordinates, armed).v
+    keeps: MaskRows = motion.named & ~lane_masks(motion.coordinates, armed).v
     return dataclasses.replace(
-        motion, named=free, coef=motion.coef * free[:, None], travel=motion.travel * free
+        motion, named=keeps, coef=motion.coef * keeps[:, None], travel=motion.travel * keeps
     )
 
 

@@ -13,21 +13,21 @@ class LiveRecorder:
 
     Args:
         tick: duration of a tick [s].
-        steps: time steps in a tick.
+        steps_per_tick: time steps in a tick.
     """
 
-    def __init__(self, tick: float, steps: int):
-        self._tick, self._steps = tick, steps
+    def __init__(self, tick: float, steps_per_tick: int):
+        self._tick, self._steps_per_tick = tick, steps_per_tick
         self._recorder: Recorder | None = None
-        self._ended: tuple[Recording | None, str] | None = None
+        self._last_recording: tuple[Recording | None, str] | None = None
 
     @property
-    def running(self) -> bool:
+    def is_recording(self) -> bool:
         """Whether it records."""
         return self._recorder is not None
 
     @property
-    def empty(self) -> bool:
+    def is_empty(self) -> bool:
         """Whether it records and has no tick yet."""
         return self._recorder is not None and not len(self._recorder)
 
@@ -38,7 +38,7 @@ class LiveRecorder:
             marionette: puppet.
             stepper: stepper of the puppet, not advanced yet.
         """
-        self._recorder, self._ended = Recorder(marionette, stepper, self._tick), None
+        self._recorder, self._last_recording = Recorder(marionette, stepper, self._tick), None
 
     def add(self, acc_K: Array, stepper: Stepper) -> None:
         """Adds the stepper's last tick, if it records.
@@ -50,10 +50,10 @@ class LiveRecorder:
         if self._recorder is not None:
             self._recorder.add(acc_K, stepper)
 
-    def end(self, why: str) -> None:
+    def end(self, reason: str) -> None:
         """Ends the recording, if there is one, with a reason; empty if the user stops it."""
         if self._recorder is not None:
-            self._ended = (self._recorder.finished(self._steps, why), why)
+            self._last_recording = (self._recorder.recording(self._steps_per_tick, reason), reason)
             self._recorder = None
 
     def take(self) -> Recording:
@@ -63,8 +63,8 @@ class LiveRecorder:
             StateError: nothing was recorded.
         """
         self.end("")
-        recording, why = self._ended or (None, "")
-        self._ended = None
+        recording, reason = self._last_recording or (None, "")
+        self._last_recording = None
         if recording is None:
-            raise StateError(f"nothing was recorded{': ' + why if why else ''}")
+            raise StateError(f"nothing was recorded{': ' + reason if reason else ''}")
         return recording

@@ -37,46 +37,57 @@ def return_motion(
     """
     n = table.n_vK
     target, rate = _relative_to(table, end[0], start)
-    lead, _ = transition(np.zeros(n), end[1], target, rate, limits(table, SPEED, ACCELERATION))
-    if lead is None:
-        return np.zeros((0, n))
-    k = max(_MIN_TICKS, int(np.ceil(lead[0] / tick)))
-    nothing = np.zeros(n)
-    coef = polynomial.hermite(
-        np.full(n, k * tick), (nothing, end[1], nothing), (target, rate, nothing)
+    transition_motion, _ = transition(
+        np.zeros(n), end[1], target, rate, limits(table, SPEED, ACCELERATION)
     )
-    i = np.arange(k)
-    acc = np.array([polynomial.evaluate(coef, np.array((j + 0.5) * tick))[2] for j in i])
+    if transition_motion is None:
+        return np.zeros((0, n))
+    n_ticks = max(_MIN_TICKS, int(np.ceil(transition_motion[0] / tick)))
+    zeros = np.zeros(n)
+    coef = polynomial.hermite(
+        np.full(n, n_ticks * tick), (zeros, end[1], zeros), (target, rate, zeros)
+    )
+    ticks = np.arange(n_ticks)
+    acc = np.array(
+        [polynomial.evaluate(coef, np.array((tick_index + 0.5) * tick))[2] for tick_index in ticks]
+    )
     # Changes of the velocity and the position at the end, for each of a and b.
-    left = (k - i - 0.5) * tick
-    effect = tick * np.array([[k, i.sum()], [left.sum(), left @ i]])
+    remaining_times = (n_ticks - ticks - 0.5) * tick
+    effects = tick * np.array(
+        [[n_ticks, ticks.sum()], [remaining_times.sum(), remaining_times @ ticks]]
+    )
     for _ in range(_MAX_CORRECTIONS):
-        inputs = Input.segments(table, tick * np.arange(k + 1, dtype=float), *end, acc)
-        q, v = inputs.evaluate(k * tick)[0], inputs.evaluate(np.nextafter(k * tick, 0.0))[1]
+        inputs = Input.segments(table, tick * np.arange(n_ticks + 1, dtype=float), *end, acc)
+        q, v = (
+            inputs.evaluate(n_ticks * tick)[0],
+            inputs.evaluate(np.nextafter(n_ticks * tick, 0.0))[1],
+        )
         error = np.array([start[1] - v, difference(table, q, start[0])])
         if np.max(np.abs(error)) <= _TOLERANCE:
             break
-        a, b = np.linalg.solve(effect, error)
-        acc = acc + a + b * i[:, None]
+        a, b = np.linalg.solve(effects, error)
+        acc = acc + a + b * ticks[:, None]
     return acc
 
 
-def difference(table: CoordinateTable, q_K: ConfigK, other: ConfigK) -> VecK:
+def difference(table: CoordinateTable, q_K: ConfigK, other_q_K: ConfigK) -> VecK:
     """(n_vK,) tangent vector from one driven configuration to another."""
     vector = np.zeros(table.n_vK)
     q, v = table.places_K
-    vector[v] = other[q] - q_K[q]
-    for at, w in table.quaternions_K:
-        vector[w : w + 3] = rotation.between(q_K[at : at + 4], other[at : at + 4])
+    vector[v] = other_q_K[q] - q_K[q]
+    for q_index, v_index in table.quaternions_K:
+        vector[v_index : v_index + 3] = rotation.between(
+            q_K[q_index : q_index + 4], other_q_K[q_index : q_index + 4]
+        )
     return vector
 
 
 def _relative_to(
-    table: CoordinateTable, q_K: ConfigK, there: tuple[ConfigK, VecK]
+    table: CoordinateTable, q_K: ConfigK, end_motion: tuple[ConfigK, VecK]
 ) -> tuple[VecK, VecK]:
     """Target and its velocity as offsets and rates from a driven configuration."""
-    target, rate = difference(table, q_K, there[0]), np.array(there[1])
-    for _, w in table.quaternions_K:
-        turn = slice(w, w + 3)
-        rate[turn], _ = rotation.tangent_motion(target[turn], rate[turn], np.zeros(3))
+    target, rate = difference(table, q_K, end_motion[0]), np.array(end_motion[1])
+    for _, v_index in table.quaternions_K:
+        indices = slice(v_index, v_index + 3)
+        rate[indices], _ = rotation.tangent_motion(target[indices], rate[indices], np.zeros(3))
     return target, rate

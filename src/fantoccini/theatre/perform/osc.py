@@ -45,7 +45,7 @@ class Address(NamedTuple):
         return f"{self.host}:{self.port}"
 
     @classmethod
-    def of(cls, text: str) -> Address:
+    def parse(cls, text: str) -> Address:
         """Address in a text: ``HOST:PORT``, or a port of this machine.
 
         Raises:
@@ -68,7 +68,7 @@ class Counts:
         echoes: number of messages that came from this program, or probably did.
         sent: number of messages that were sent.
         lost: number of messages that could not be sent.
-        last: the last message that was wrong, refused or lost, in words.
+        last_fault: the last message that was wrong, refused or lost, in words.
     """
 
     heard: int = 0
@@ -77,7 +77,7 @@ class Counts:
     echoes: int = 0
     sent: int = 0
     lost: int = 0
-    last: str = ""
+    last_fault: str = ""
 
     def __str__(self) -> str:
         faults = [
@@ -92,7 +92,7 @@ class Counts:
         ]
         text = f"{self.heard} heard, {self.sent} sent"
         text += "".join(f", {fault}" for fault in faults)
-        return f"{text}; {self.last}" if self.last else text
+        return f"{text}; {self.last_fault}" if self.last_fault else text
 
 
 RunLater = Callable[[Callable[[], None]], object]
@@ -129,60 +129,60 @@ class Osc:
         self._show, self._send, self._run_later = show, send, run_later
         self.counts = Counts()
         self._library = osc_library()
-        self._sent_at: dict[int, float] = {}
-        self._waiting = threading.BoundedSemaphore(MAX_WAITING)
-        self._end = threading.Event()
-        self._out: socket.socket | None = None
-        self._in: socket.socket | None = None
+        self._report_times: dict[int, float] = {}
+        self._free_slots = threading.BoundedSemaphore(MAX_WAITING)
+        self._stop_event = threading.Event()
+        self._out_socket: socket.socket | None = None
+        self._in_socket: socket.socket | None = None
         self.heard_at = hear
         try:
             if send is not None:
-                self._out, self._destination = socket_to(*send)
+                self._out_socket, self._destination = socket_to(*send)
             if hear is not None:
-                self._in = socket_at(*hear)
+                self._in_socket = socket_at(*hear)
         except AddressError as error:
             self.stop()
             raise StateError(f"OSC messages: {error}") from None
-        if self._out is not None:
+        if self._out_socket is not None:
             show.listen(self._report)
-        if self._in is not None:
-            self._in.settimeout(_POLL_INTERVAL)
-            self.heard_at = Address(*self._in.getsockname()[:2])
+        if self._in_socket is not None:
+            self._in_socket.settimeout(_POLL_INTERVAL)
+            self.heard_at = Address(*self._in_socket.getsockname()[:2])
             self._thread = threading.Thread(target=self._listen, name="osc", daemon=True)
             self._thread.start()
 
     def stop(self) -> None:
         """Ends receiving and sending."""
-        self._end.set()
-        if self._in is not None:
+        self._stop_event.set()
+        if self._in_socket is not None:
             self._thread.join(timeout=2.0)
-            self._in.close()
-        if self._out is not None:
-            self._out.close()
+            self._in_socket.close()
+        if self._out_socket is not None:
+            self._out_socket.close()
 
     # -- in ----------------------------------------------------------------------------------
 
     def _listen(self) -> None:
-        assert self._in is not None
-        while not self._end.is_set():
+        assert self._in_socket is not None
+        while not self._stop_event.is_set():
             try:
-                data, _ = self._in.recvfrom(_MAX_DATAGRAM_SIZE)
+                data, _ = self._in_socket.recvfrom(_MAX_DATAGRAM_SIZE)
             except TimeoutError:
                 continue
             except OSError:
                 continue  # an answer of the network to a message that was sent
-            self._read(data)
+            self._handle_datagram(data)
 
-    def _read(self, data: bytes) -> None:
+    def _handle_datagram(self, data: bytes) -> None:
         try:
             messages = [timed.message for timed in self._library.Packet(data).messages]
         except Exception as error:  # python-osc raises more than its own on broken datagrams
             self._note_wrong(f"{len(data)} bytes: {error or type(error).__name__}")
             return
         for message in messages:
-            self._execute(str(message.address), list(message.params))
+            self._handle_message(str(message.address), list(message.params))
 
-    def _execute(self, address: str, values: list[Any]) -> None:
+    def _handle_message(self, address: str, values: list[Any]) -> None:
         """Executes a message as a command, unless it is wrong, refused or an echo."""
         command = self._command(address)
         if command is None:
@@ -200,16 +200,16 @@ class Osc:
         if values and not values[0]:
             return  # a button was released
         number = _number(address)
-        if time.monotonic() - self._sent_at.get(number, -_ECHO_TIME) < _ECHO_TIME:
+        if time.monotonic() - self._report_times.get(number, -_ECHO_TIME) < _ECHO_TIME:
             self.counts.echoes += 1
             return
-        if self._waiting.acquire(blocking=False):
-            self._run_later(lambda: self._run(address, command))
+        if self._free_slots.acquire(blocking=False):
+            self._run_later(lambda: self._run_command(address, command))
         else:
             self._note_refused(address, f"{MAX_WAITING} commands wait already")
 
-    def _run(self, address: str, command: Callable[[], None]) -> None:
-        self._waiting.release()
+    def _run_command(self, address: str, command: Callable[[], None]) -> None:
+        self._free_slots.release()
         try:
             command()
         except FantocciniError as error:
@@ -219,7 +219,7 @@ class Osc:
 
     def _note_refused(self, address: str, reason: str) -> None:
         self.counts.refused += 1
-        self.counts.last = f"{address}: {reason}"[:_MAX_REPORT_LENGTH]
+        self.counts.last_fault = f"{address}: {reason}"[:_MAX_REPORT_LENGTH]
 
     def _command(self, address: str) -> Callable[[], None] | None:
         """Command of an address; None for unknown addresses."""
@@ -243,7 +243,7 @@ class Osc:
 
     def _note_wrong(self, text: str) -> None:
         self.counts.wrong += 1
-        self.counts.last = f"not understood: {text}"[:_MAX_REPORT_LENGTH]
+        self.counts.last_fault = f"not understood: {text}"[:_MAX_REPORT_LENGTH]
 
     # -- out ---------------------------------------------------------------------------------
 
@@ -252,18 +252,18 @@ class Osc:
             address = f"/cue/{event.number}/{event.kind}"
             values: tuple[Any, ...] = (event.number, event.name, event.t)
             if event.kind == "start":
-                self._sent_at[event.number] = time.monotonic()
+                self._report_times[event.number] = time.monotonic()
         else:
             address, values = f"/{event.kind}", (event.name, event.t)
         message = self._library.MessageBuilder(address)
         for value in values:
             message.add_arg(value)
-        assert self._out is not None
+        assert self._out_socket is not None
         try:
-            self._out.sendto(message.build().dgram, self._destination)
+            self._out_socket.sendto(message.build().dgram, self._destination)
         except OSError as error:
             self.counts.lost += 1
-            self.counts.last = f"not sent to {self._send}: {error.strerror}"
+            self.counts.last_fault = f"not sent to {self._send}: {error.strerror}"
             return
         self.counts.sent += 1
 

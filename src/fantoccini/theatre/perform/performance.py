@@ -14,25 +14,25 @@ from fantoccini.dynamics.compiled import check_start
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import ContactPoints, State, check_same_puppet
 from fantoccini.theatre.gestures import Gesture
-from fantoccini.theatre.perform import change
+from fantoccini.theatre.perform import state_transfer
 from fantoccini.theatre.perform.grip import TOLERANCES, with_slipping_winches
 from fantoccini.theatre.perform.handle import Handle
 from fantoccini.theatre.perform.hands import HandBounds, Hands
-from fantoccini.theatre.perform.influences import HandLaw, Influences, Push, push_on
-from fantoccini.theatre.perform.lanes import lanes_of, without
+from fantoccini.theatre.perform.influences import HandLaw, Influences, Push, make_push
+from fantoccini.theatre.perform.lanes import lane_names, without_lanes
 from fantoccini.theatre.perform.live_recorder import LiveRecorder
-from fantoccini.theatre.perform.player import Player
+from fantoccini.theatre.perform.player import MotionPlayer
 from fantoccini.theatre.perform.recording import Recording
 from fantoccini.theatre.perform.reports import Reports
 from fantoccini.theatre.perform.score_voice import ScoreVoice
 from fantoccini.theatre.perform.targets import Targets
 from fantoccini.theatre.perform.tick_run import TickRun
 
-SPEED = 1.5
+DEFAULT_SPEED = 1.5
 """Default bound on the speed of handles and winches [m/s]: that of a quick hand."""
-ACCELERATION = 10.0
+DEFAULT_ACCELERATION = 10.0
 """Default bound on the acceleration of handles and winches [m/s^2]: about that of gravity."""
-STEP = 0.0005
+DEFAULT_TIME_STEP = 0.0005
 """Default time step [s]; with twice as much, a limb that spins at 100 rad/s gains energy."""
 _TICK_TOLERANCE = 1e-6
 """Share of a tick that a duration may lack, by rounding, to complete the tick."""
@@ -41,7 +41,7 @@ _Params = ParamSpec("_Params")
 _Result = TypeVar("_Result")
 
 
-def _of_targets(
+def _delegated_to_targets(
     method: Callable[Concatenate[Targets, _Params], _Result],
 ) -> Callable[Concatenate[Performance, _Params], _Result]:
     """Method of a performance that delegates to its targets, under the performance's lock."""
@@ -91,27 +91,27 @@ class Performance:
         marionette: Marionette,
         x0: State | None = None,
         *,
-        dt: float = STEP,
+        dt: float = DEFAULT_TIME_STEP,
         tick: float = 1 / 120,
-        speed: float = SPEED,
-        acceleration: float = ACCELERATION,
+        speed: float = DEFAULT_SPEED,
+        acceleration: float = DEFAULT_ACCELERATION,
         grip: float | None = None,
     ):
         check_positive(dt=dt, tick=tick, speed=speed, acceleration=acceleration)
         if grip is not None:
             check_positive(grip=grip)
         self._lock = RLock()
-        self.speed, self.acceleration, self._given_grip = speed, acceleration, grip
+        self.speed, self.acceleration, self._user_grip = speed, acceleration, grip
         self.tick = float(tick)
-        self._steps = max(1, int(np.ceil(tick / dt - 1e-9)))
-        self.dt = self.tick / self._steps
-        self._recorder = LiveRecorder(self.tick, self._steps)
+        self._steps_per_tick = max(1, int(np.ceil(tick / dt - 1e-9)))
+        self.dt = self.tick / self._steps_per_tick
+        self._recorder = LiveRecorder(self.tick, self._steps_per_tick)
         self._remainder = 0.0
         self._reports = Reports()
         self._influences = Influences()
-        x0 = change.hanging(marionette) if x0 is None else x0
+        x0 = state_transfer.initial_state(marionette) if x0 is None else x0
         check_start(marionette, x0, "timestepping")
-        change.check_steps(marionette, x0, self.dt)
+        state_transfer.check_steps(marionette, x0, self.dt)
         self._set_puppet(marionette, x0)
         self._x0: State | None = x0
 
@@ -174,24 +174,24 @@ class Performance:
     @property
     def performed(self) -> Marionette:
         """Puppet with the winches in use."""
-        return self._run.performed
+        return self._run.marionette
 
     @property
     def lagging(self) -> dict[str, str]:
         """Handles and strings that cannot follow their targets -> reason."""
         with self._lock:
-            return self._reports.added(self._run.lagging(), self._run.t, self._hands.names)
+            return self._reports.with_reports(self._run.lagging(), self._run.t, self._hands.names)
 
     # -- hands -------------------------------------------------------------------------------
 
-    place = _of_targets(Targets.place)
-    target = _of_targets(Targets.target)
-    aim = _of_targets(Targets.aim)
-    move = _of_targets(Targets.move)
-    wind = _of_targets(Targets.wind)
-    length = _of_targets(Targets.length)
-    wanted_length = _of_targets(Targets.wanted_length)
-    hold = _of_targets(Targets.hold)
+    place = _delegated_to_targets(Targets.place)
+    target = _delegated_to_targets(Targets.target)
+    aim = _delegated_to_targets(Targets.aim)
+    move = _delegated_to_targets(Targets.move)
+    wind = _delegated_to_targets(Targets.wind)
+    length = _delegated_to_targets(Targets.length)
+    target_length = _delegated_to_targets(Targets.target_length)
+    hold = _delegated_to_targets(Targets.hold)
 
     def go_home(self) -> None:
         """Returns from all gestures; if there are none, the hands return to their start."""
@@ -200,12 +200,12 @@ class Performance:
 
     # -- gestures, takes and scores ----------------------------------------------------------
 
-    play = _of_targets(Targets.play)
-    play_once = _of_targets(Targets.play_once)
-    stop_take = _of_targets(Targets.stop_take)
-    play_score = _of_targets(Targets.play_score)
-    stop_score = _of_targets(Targets.stop_score)
-    leave_lanes = _of_targets(Targets.leave_lanes)
+    play = _delegated_to_targets(Targets.play)
+    stop_repeating = _delegated_to_targets(Targets.stop_repeating)
+    stop_take = _delegated_to_targets(Targets.stop_take)
+    play_score = _delegated_to_targets(Targets.play_score)
+    stop_score = _delegated_to_targets(Targets.stop_score)
+    leave_lanes = _delegated_to_targets(Targets.leave_lanes)
 
     @property
     def playing(self) -> tuple[str, ...]:
@@ -216,7 +216,7 @@ class Performance:
     @property
     def lanes(self) -> tuple[str, ...]:
         """Names of lanes for an overdub: strings and joints with driven coordinates."""
-        return lanes_of(self.marionette.coordinates)
+        return lane_names(self.marionette.coordinates)
 
     @property
     def take_time(self) -> float | None:
@@ -244,11 +244,11 @@ class Performance:
             ValueError: the take is of another puppet.
         """
         check_same_puppet([self.marionette.coordinates, take.marionette.coordinates])
-        motion = without(Gesture.of_input(take.inputs, name="take"), armed)
+        motion = without_lanes(Gesture.of_input(take.inputs, name="take"), armed)
         with self._lock:
-            self._targets.check_free()
+            self._targets.check_no_law()
             self._recorder.end("a take was begun")
-            x = change.permitted(self.performed, take.start).replace(t=self.t)
+            x = state_transfer.feasible_state(self.performed, take.start).replace(t=self.t)
             self._set_puppet(self.marionette, x, self._hands.lengths)
             self._targets.player.play_take(motion, take.start.v_K, repeat)
 
@@ -307,7 +307,7 @@ class Performance:
             StateError: a vector does not consist of three finite numbers, or a recording is in
                 progress, which cannot contain pushes.
         """
-        push = push_on(self.marionette, body, np.zeros(3) if force is None else force, at)
+        push = make_push(self.marionette, body, np.zeros(3) if force is None else force, at)
         with self._lock:
             if force is None:
                 self._influences.pushes.pop(body, None)
@@ -323,9 +323,9 @@ class Performance:
         if not (np.isfinite(duration) and duration >= 0):
             raise ValueError(f"duration is {duration}; it must be 0 or more")
         self._remainder += duration / self.tick
-        n = int(np.floor(self._remainder + _TICK_TOLERANCE))
-        self._remainder -= n
-        for _ in range(n):
+        n_ticks = int(np.floor(self._remainder + _TICK_TOLERANCE))
+        self._remainder -= n_ticks
+        for _ in range(n_ticks):
             self._tick()
         return self.state
 
@@ -344,7 +344,7 @@ class Performance:
 
     def _start(self) -> State:
         if self._x0 is None:
-            self._x0 = change.hanging(self.marionette)
+            self._x0 = state_transfer.initial_state(self.marionette)
         return self._x0
 
     # -- another puppet ----------------------------------------------------------------------
@@ -361,9 +361,9 @@ class Performance:
         """
         marionette = self.marionette.with_parameters(values)
         with self._lock:
-            lost = self._replace(marionette, self.state, "parameters were changed")
+            messages = self._replace(marionette, self.state, "parameters were changed")
             self._x0 = None  # computed by reset
-        return lost
+        return messages
 
     def replace(self, marionette: Marionette) -> tuple[str, ...]:
         """Continues with a changed puppet; coordinates that exist in both keep their values.
@@ -381,36 +381,37 @@ class Performance:
                 for its chains; nothing changes then.
         """
         marionette.compile()
-        start = change.hanging(marionette)
+        start = state_transfer.initial_state(marionette)
         with self._lock:
             return self._replace(marionette, start, "the puppet was changed")
 
     def _replace(self, marionette: Marionette, start: State, reason: str) -> tuple[str, ...]:
-        change.check_steps(marionette, start, self.dt)
+        state_transfer.check_steps(marionette, start, self.dt)
         self._recorder.end(reason)
-        before, targets, lengths = self.marionette, self._targets, self._hands.lengths
-        x, lost = change.transferred(before, self.state, marionette, start)
-        x = change.permitted(with_slipping_winches(marionette, self._grip_of(marionette)), x)
-        player, ended = targets.player.transferred(before, marionette)
-        lengths = Hands.ranges_of(marionette, start, self.dt) | lengths
-        self._set_puppet(marionette, x, lengths, player)
-        self._targets.keep(targets)
+        old_marionette, old_targets = self.marionette, self._targets
+        x, messages = state_transfer.transfer_state(old_marionette, self.state, marionette, start)
+        simulated = with_slipping_winches(marionette, self._grip_of(marionette))
+        x = state_transfer.feasible_state(simulated, x)
+        player, ended_messages = old_targets.player.transferred(old_marionette, marionette)
+        ranges = Hands.default_ranges(marionette, start, self.dt) | self._hands.lengths
+        self._set_puppet(marionette, x, ranges, player)
+        self._targets.copy_targets(old_targets)
         self._x0 = start
-        return lost + ended
+        return messages + ended_messages
 
     # -- recording ---------------------------------------------------------------------------
 
     @property
     def recording(self) -> bool:
         """Whether a recording is in progress."""
-        return self._recorder.running
+        return self._recorder.is_recording
 
     def record(self) -> None:
         """Starts a recording; drops an earlier one that :meth:`stop` has not returned."""
         with self._lock:
             self._influences.pushes.clear()  # a recording cannot contain pushes
-            self._run.restart(change.permitted(self.performed, self._run.x))
-            self._recorder.start(self._run.performed, self._run.stepper)
+            self._run.restart(state_transfer.feasible_state(self.performed, self._run.x))
+            self._recorder.start(self._run.marionette, self._run.stepper)
 
     def stop(self) -> Recording:
         """Ends the recording, unless it has ended by itself, and returns it.
@@ -419,38 +420,38 @@ class Performance:
             StateError: nothing was recorded.
         """
         with self._lock:
-            if self._recorder.empty:
+            if self._recorder.is_empty:
                 self._tick()
             return self._recorder.take()
 
     # -- internal ----------------------------------------------------------------------------
 
     def _grip_of(self, marionette: Marionette) -> float:
-        return self._given_grip or TOLERANCES.max_tension * (marionette.weight or 1.0)
+        return self._user_grip or TOLERANCES.max_tension * (marionette.weight or 1.0)
 
     def _set_puppet(
         self,
         marionette: Marionette,
         x: State,
-        lengths: dict[str, tuple[float, float]] | None = None,
-        player: Player | None = None,
+        ranges: dict[str, tuple[float, float]] | None = None,
+        player: MotionPlayer | None = None,
     ) -> None:
         """Sets the puppet at a state, with targets at the present places of the hands.
 
         Args:
             marionette: puppet.
             x: state.
-            lengths: string -> its range [m]; by default around the lengths of the state.
+            ranges: string -> its range [m]; by default around the lengths of the state.
             player: player that continues; by default nothing is played.
         """
         self.marionette = marionette
         self._reports.forget_motors()
         self._influences.clear()
         self.grip = self._grip_of(marionette)
-        lengths = Hands.ranges_of(marionette, x, self.dt) if lengths is None else lengths
-        self._hands = Hands.of(marionette, x, self.speed, self.acceleration, lengths)
+        ranges = Hands.default_ranges(marionette, x, self.dt) if ranges is None else ranges
+        self._hands = Hands.for_puppet(marionette, x, self.speed, self.acceleration, ranges)
         performed = with_slipping_winches(marionette, self.grip)
-        self._run = TickRun(performed, self._hands, x, self.grip, self.tick, self._steps)
+        self._run = TickRun(performed, self._hands, x, self.grip, self.tick, self._steps_per_tick)
         self._targets = Targets(self._hands, self._run, self._influences, player)
 
     def _tick(self) -> None:

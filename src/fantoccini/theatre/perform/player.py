@@ -13,13 +13,13 @@ from fantoccini.base import Array, VecK
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.theatre.gestures import Gesture, Score
 from fantoccini.theatre.perform.score_voice import ScoreVoice
-from fantoccini.theatre.perform.voice import Offsets, Voice, fitted, lead_time
+from fantoccini.theatre.perform.voice import Offsets, Voice, lead_time, slowed_to_bounds
 
 _TOLERANCE = 1e-9
 """Tolerance of offsets and rates at rest [m or rad, per s]."""
 
 
-class Steps(NamedTuple):
+class TickOffsets(NamedTuple):
     """Offsets and rates (n_vK,) at the two ends of a tick."""
 
     d: VecK
@@ -28,15 +28,15 @@ class Steps(NamedTuple):
     rate_next: VecK
 
 
-class _Waiting(NamedTuple):
-    """Gesture that waits for its time ``on`` [s]."""
+class _ScheduledGesture(NamedTuple):
+    """Gesture that waits for its time ``wanted_start`` [s]."""
 
     gesture: Gesture
-    on: float
+    wanted_start: float
     repeat: bool
 
 
-class Player:
+class MotionPlayer:
     """Player of gestures, takes and scores, tick by tick.
 
     Gestures are added. A gesture replaces another one if it moves all coordinates of that, or if
@@ -57,25 +57,25 @@ class Player:
         self.t = 0.0
         self._bounds, self._tick = bounds, tick
         self._voices: list[Voice] = []
-        self._waiting: list[_Waiting] = []
+        self._scheduled: list[_ScheduledGesture] = []
         self.take: Voice | None = None
         self.score: ScoreVoice | None = None
 
     @property
     def is_idle(self) -> bool:
         """Whether nothing is played."""
-        return not (self._voices or self._waiting or self.take or self.score)
+        return not (self._voices or self._scheduled or self.take or self.score)
 
     @property
     def is_away(self) -> bool:
         """Whether gestures are played, wait, or have ended away from home."""
-        return bool(self._voices or self._waiting)
+        return bool(self._voices or self._scheduled)
 
     @property
     def playing(self) -> tuple[str, ...]:
         """Names of the gestures that move or wait."""
         moving = [voice.gesture.name for voice in self._voices if not voice.has_ended(self.t)]
-        return tuple(dict.fromkeys(moving + [entry.gesture.name for entry in self._waiting]))
+        return tuple(dict.fromkeys(moving + [entry.gesture.name for entry in self._scheduled]))
 
     @property
     def take_time(self) -> float | None:
@@ -83,48 +83,54 @@ class Player:
         return None if self.take is None else self.take.time(self.t)
 
     def transferred(
-        self, before: Marionette, after: Marionette
-    ) -> tuple[Player | None, tuple[str, ...]]:
+        self, old_marionette: Marionette, new_marionette: Marionette
+    ) -> tuple[MotionPlayer | None, tuple[str, ...]]:
         """The player, or None if it cannot continue with a changed puppet; and messages."""
-        old, new = before.coordinates, after.coordinates
-        if (old.q_K, old.v_K) == (new.q_K, new.v_K):
+        old_table, new_table = old_marionette.coordinates, new_marionette.coordinates
+        if (old_table.q_K, old_table.v_K) == (new_table.q_K, new_table.v_K):
             return self, ()
-        parts = {"the gestures": self.is_away, "the take": self.take, "the score": self.score}
-        return None, tuple(f"{name} ended" for name, part in parts.items() if part)
+        playing_parts = {
+            "the gestures": self.is_away,
+            "the take": self.take,
+            "the score": self.score,
+        }
+        return None, tuple(f"{name} ended" for name, part in playing_parts.items() if part)
 
     def set_bounds(self, bounds: Array) -> None:
         """Sets the bounds of later transitions."""
         self._bounds = bounds
-        for voice in self._all():
+        for voice in self._active_voices():
             voice.set_bounds(bounds)
         if self.score is not None:
             self.score.set_bounds(bounds)
 
     def offsets(self) -> Offsets:
         """Present sum of all offsets."""
-        return self._sum(self.t, self._all(), self.score)
+        return self._total(self.t, self._active_voices(), self.score)
 
-    def play(self, gesture: Gesture, *, on: float | None = None, repeat: bool = False) -> float:
+    def play(
+        self, gesture: Gesture, *, wanted_start: float | None = None, repeat: bool = False
+    ) -> float:
         """Plays a gesture; returns its beginning, in terms of ``t`` [s].
 
         Args:
             gesture: gesture; it is slowed down if it would exceed the bounds.
-            on: wanted beginning; as soon as possible by default. It begins later if the transition
-                to its start takes longer.
+            wanted_start: wanted beginning; as soon as possible by default. It begins later if the
+                transition to its start takes longer.
             repeat: whether to repeat it, until :meth:`finish`.
         """
-        gesture = fitted(gesture, self._bounds)
-        self._waiting = [w for w in self._waiting if w.gesture.name != gesture.name]
-        earliest = self.t + lead_time(gesture, self._before(gesture), self._bounds)
-        if on is None or on <= earliest + self._tick:
-            self._start(gesture, on, repeat)
+        gesture = slowed_to_bounds(gesture, self._bounds)
+        self._scheduled = [entry for entry in self._scheduled if entry.gesture.name != gesture.name]
+        earliest = self.t + lead_time(gesture, self._replaced_offsets(gesture), self._bounds)
+        if wanted_start is None or wanted_start <= earliest + self._tick:
+            self._start(gesture, wanted_start, repeat)
         else:
-            self._waiting.append(_Waiting(gesture, on, repeat))
-        return earliest if on is None else max(on, earliest)
+            self._scheduled.append(_ScheduledGesture(gesture, wanted_start, repeat))
+        return earliest if wanted_start is None else max(wanted_start, earliest)
 
     def finish(self, name: str) -> None:
         """Ends a gesture after its present repetition."""
-        self._waiting = [w for w in self._waiting if w.gesture.name != name]
+        self._scheduled = [entry for entry in self._scheduled if entry.gesture.name != name]
         for voice in self._voices:
             if voice.gesture.name == name:
                 voice.finish()
@@ -138,12 +144,12 @@ class Player:
             repeat: whether to repeat it, joined by state.
         """
         n = len(v_K)
-        before = Offsets(np.zeros(n), np.where(motion.named, v_K, 0.0), np.zeros(n))
-        self.take = Voice(motion, self._bounds, self.t, before, repeat=repeat)
+        offsets = Offsets(np.zeros(n), np.where(motion.named, v_K, 0.0), np.zeros(n))
+        self.take = Voice(motion, self._bounds, self.t, offsets, repeat=repeat)
 
     def stop_take(self) -> VecK:
         """Ends the take; returns its (n_vK,) offsets, for the hands to hold."""
-        offset = self._sum(self.t, [] if self.take is None else [self.take]).d
+        offset = self._total(self.t, [] if self.take is None else [self.take]).d
         self.take = None
         return offset
 
@@ -157,53 +163,63 @@ class Player:
         """Ends the score; its coordinates return home."""
         if self.score is not None:
             home = Gesture.rest(self.score.conductor.score.gesture.coordinates, self._tick)
-            self._voices.append(Voice(home, self._bounds, self.t, self.score.now))
+            self._voices.append(Voice(home, self._bounds, self.t, self.score.offsets))
             self.score = None
 
     def clear(self) -> VecK:
         """Ends all motion; returns its (n_vK,) offsets, for the hands to hold."""
         offset = self.offsets().d
-        self._voices, self._waiting, self.take, self.score = [], [], None, None
+        self._voices, self._scheduled, self.take, self.score = [], [], None, None
         return offset
 
-    def step(self) -> Steps:
+    def step(self) -> TickOffsets:
         """Advances by a tick."""
-        for entry in list(self._waiting):
-            before = self._before(entry.gesture)
-            if entry.on - lead_time(entry.gesture, before, self._bounds) <= self.t + self._tick:
-                self._waiting.remove(entry)
-                self._start(entry.gesture, entry.on, entry.repeat)
-        before = self.offsets()
+        for entry in list(self._scheduled):
+            offsets_before = self._replaced_offsets(entry.gesture)
+            if (
+                entry.wanted_start - lead_time(entry.gesture, offsets_before, self._bounds)
+                <= self.t + self._tick
+            ):
+                self._scheduled.remove(entry)
+                self._start(entry.gesture, entry.wanted_start, entry.repeat)
+        offsets_before = self.offsets()
         self.t += self._tick
         if self.score is not None:
             self.score.advance(self._tick)
-        after = self.offsets()
-        return Steps(before.d, before.rate, after.d, after.rate)
+        offsets_after = self.offsets()
+        return TickOffsets(
+            offsets_before.d, offsets_before.rate, offsets_after.d, offsets_after.rate
+        )
 
     def settle(self) -> VecK:
         """Removes motions that have ended at home; returns the (n_vK,) displacement of home."""
-        moved = np.zeros(self._bounds.shape[1])
+        displacement = np.zeros(self._bounds.shape[1])
         for voice in list(self._voices):
-            last = voice.at(self.t)
-            if voice.has_ended(self.t) and last.is_home:
-                moved += last.carried
+            offsets = voice.at(self.t)
+            if voice.has_ended(self.t) and offsets.is_home:
+                displacement += offsets.origin_shift
                 self._voices.remove(voice)
         if self.take is not None and self.take.has_ended(self.t):
-            moved += self.stop_take()
-        return moved
+            displacement += self.stop_take()
+        return displacement
 
     # -- internal ----------------------------------------------------------------------------
 
-    def _start(self, gesture: Gesture, on: float | None, repeat: bool) -> None:
-        before, replaced = self._before(gesture), self._replaced(gesture)
-        self._voices = [voice for voice in self._voices if voice not in replaced]
-        self._voices.append(Voice(gesture, self._bounds, self.t, before, on, repeat))
+    def _start(self, gesture: Gesture, wanted_start: float | None, repeat: bool) -> None:
+        offsets_before, replaced_voices = (
+            self._replaced_offsets(gesture),
+            self._replaced_voices(gesture),
+        )
+        self._voices = [voice for voice in self._voices if voice not in replaced_voices]
+        self._voices.append(
+            Voice(gesture, self._bounds, self.t, offsets_before, wanted_start, repeat)
+        )
 
-    def _before(self, gesture: Gesture) -> Offsets:
+    def _replaced_offsets(self, gesture: Gesture) -> Offsets:
         """Sum of the offsets of the gestures that a gesture replaces."""
-        return self._sum(self.t, self._replaced(gesture))
+        return self._total(self.t, self._replaced_voices(gesture))
 
-    def _replaced(self, gesture: Gesture) -> list[Voice]:
+    def _replaced_voices(self, gesture: Gesture) -> list[Voice]:
         """Gestures that a gesture replaces."""
         return [
             voice
@@ -212,13 +228,13 @@ class Player:
             or (_ends_away(gesture) and _ends_away(voice.gesture))
         ]
 
-    def _all(self) -> list[Voice]:
+    def _active_voices(self) -> list[Voice]:
         """Gestures that are played, and the take."""
         return self._voices + ([] if self.take is None else [self.take])
 
-    def _sum(self, t: float, voices: list[Voice], score: ScoreVoice | None = None) -> Offsets:
+    def _total(self, t: float, voices: list[Voice], score: ScoreVoice | None = None) -> Offsets:
         """Sum of offsets at a time [s]."""
-        total = Offsets.none(self._bounds.shape[1]) if score is None else score.now
+        total = Offsets.none(self._bounds.shape[1]) if score is None else score.offsets
         for voice in voices:
             total = Offsets(*(a + b for a, b in zip(total, voice.at(t), strict=True)))
         return total

@@ -27,12 +27,12 @@ _MIN_LENGTH = 1e-300
 
 
 def wanted_velocity(
-    away: VecK, v: VecK, tick: float, group: Indices, speed: Array, acceleration: Array
+    displacement: VecK, v: VecK, tick: float, group: Indices, speed: Array, acceleration: Array
 ) -> VecK:
     """v', the wanted velocities at the end of the next tick; their change is not yet bounded.
 
     Args:
-        away: (n,) vectors from the hands to their targets [m or rad].
+        displacement: (n,) vectors from the hands to their targets [m or rad].
         v: (n,) present velocities [m/s or rad/s].
         tick: T [s].
         group: (n,) index of the group of coordinates that move together.
@@ -41,11 +41,11 @@ def wanted_velocity(
     Returns:
         (n,) velocities [m/s or rad/s].
     """
-    c = away - (0.5 * tick) * v
-    size = lengths(c, group, len(speed))
-    k = np.floor(0.5 * (np.sqrt(1.0 + (8.0 / (tick * tick)) * size / acceleration) - 1.0))
-    fast = (0.5 * tick) * k * acceleration + size / ((k + 1.0) * tick)
-    return c * (np.minimum(fast, speed) / np.maximum(size, _MIN_LENGTH))[group]
+    c = displacement - (0.5 * tick) * v
+    distance = lengths(c, group, len(speed))
+    k = np.floor(0.5 * (np.sqrt(1.0 + (8.0 / (tick * tick)) * distance / acceleration) - 1.0))
+    max_speed = (0.5 * tick) * k * acceleration + distance / ((k + 1.0) * tick)
+    return c * (np.minimum(max_speed, speed) / np.maximum(distance, _MIN_LENGTH))[group]
 
 
 def bounded_acceleration(
@@ -58,8 +58,8 @@ def bounded_acceleration(
         v, tick, group, acceleration: see :func:`wanted_velocity`.
     """
     change = (wanted - v) / tick
-    size = lengths(change, group, len(acceleration))
-    return change * np.minimum(1.0, acceleration / np.maximum(size, _MIN_LENGTH))[group]
+    magnitude = lengths(change, group, len(acceleration))
+    return change * np.minimum(1.0, acceleration / np.maximum(magnitude, _MIN_LENGTH))[group]
 
 
 def lengths(x: Array, group: Indices, n: int) -> Array:

@@ -19,13 +19,13 @@ from fantoccini.dynamics.simulation import trajectory_of_samples, with_verdict
 from fantoccini.dynamics.steppers import Stepper
 from fantoccini.kernel.runtime import Piece
 from fantoccini.motion import RECORDING_FORMATS, Input, State, Trajectory
-from fantoccini.theatre.perform import archive, change
-from fantoccini.theatre.perform.archive import Checks, Written
+from fantoccini.theatre.perform import archive, state_transfer
+from fantoccini.theatre.perform.archive import RecordedOutput, ReferenceSamples
 from fantoccini.theatre.perform.looping import return_motion
 from fantoccini.theatre.perform.smoothing import smoothed
 
 METHOD: MethodName = "timestepping"
-_ACCUMULATED = ("work", "damping", "impact", "slip_loss", "friction")
+_ACCUMULATED_PARTS = ("work", "damping", "impact", "slip_loss", "friction")
 """Parts of a sample that accumulate from the start of a run [J]."""
 
 
@@ -43,9 +43,9 @@ class Recording:
             [m/s^2 or rad/s^2]; for a rotation, of its rotation vector.
         tick: duration of a tick [s].
         steps: number of time steps in a tick.
-        ended: reason why it ended by itself; empty if the user stopped it.
-        written: recorded output; None if it must be simulated.
-        checks: samples of a file, with which the simulated output is compared; None without a file.
+        end_reason: reason why it ended by itself; empty if the user stopped it.
+        output: recorded output; None if it must be simulated.
+        references: samples of a file, to compare with the simulated output; None without a file.
     """
 
     marionette: Marionette
@@ -53,9 +53,9 @@ class Recording:
     acc_K: Array
     tick: float
     steps: int
-    ended: str = ""
-    written: Written | None = field(default=None, repr=False)
-    checks: Checks | None = field(default=None, repr=False)
+    end_reason: str = ""
+    output: RecordedOutput | None = field(default=None, repr=False)
+    references: ReferenceSamples | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "acc_K", frozen(self.acc_K))
@@ -113,27 +113,29 @@ class Recording:
         """
         return self._trajectory_of(self._simulated())
 
-    def trimmed(self, a: float, b: float) -> Recording:
-        """Part from ``a`` to ``b`` seconds after the start; it begins with the state at ``a``.
+    def trimmed(self, begin: float, end: float) -> Recording:
+        """Part from ``begin`` to ``end`` [s] after the start; its start is the state at ``begin``.
 
         The time-stepper starts without memory of earlier steps.
 
         Raises:
             ValueError: the times are not in order, or not inside.
         """
-        if not 0.0 <= a < b <= self.duration * (1.0 + 1e-9):
+        if not 0.0 <= begin < end <= self.duration * (1.0 + 1e-9):
             raise ValueError(
-                f"found {a} s to {b} s; it must be a part of 0 s to {self.duration:g} s"
+                f"found {begin} s to {end} s; it must be a part of 0 s to {self.duration:g} s"
             )
         trajectory = self.trajectory
-        first, last = (round(t / self.tick) for t in (a, b))
-        last = min(last, len(trajectory) - 1)
-        if last <= first:
-            raise ValueError(f"there is no tick of {self.tick:g} s from {a} s to {b} s")
+        first_tick, last_tick = (round(t / self.tick) for t in (begin, end))
+        last_tick = min(last_tick, len(trajectory) - 1)
+        if last_tick <= first_tick:
+            raise ValueError(f"there is no tick of {self.tick:g} s from {begin} s to {end} s")
         start = self.start
-        if first:
-            start = change.permitted(self.marionette, trajectory.state(first).replace(t=0.0))
-        return self.edited(start=start, acc_K=self.acc_K[first:last])
+        if first_tick:
+            start = state_transfer.feasible_state(
+                self.marionette, trajectory.state(first_tick).replace(t=0.0)
+            )
+        return self.edited(start=start, acc_K=self.acc_K[first_tick:last_tick])
 
     def smoothed(self, seconds: float) -> Recording:
         """Copy with the hands' paths averaged over about ``seconds``, except at start and end.
@@ -156,28 +158,28 @@ class Recording:
             steps=max(1, math.ceil(self.steps * factor - 1e-9)),
         )
 
-    def looped(self, times: int) -> Recording:
+    def looped(self, count: int) -> Recording:
         """Copy repeated several times; in between, the hands return to the start.
 
         Their return is C^1 and within bounds. The puppet follows the hands, and keeps its swing.
 
         Raises:
-            ValueError: ``times`` is not a whole number from 1 to 1000.
+            ValueError: ``count`` is not a whole number from 1 to 1000.
             StateError: no return keeps the default bounds of gestures.
         """
-        if not isinstance(times, int) or not 1 <= times <= 1000:
-            raise ValueError(f"times is {times!r}; it must be a whole number from 1 to 1000")
+        if not isinstance(count, int) or not 1 <= count <= 1000:
+            raise ValueError(f"count is {count!r}; it must be a whole number from 1 to 1000")
         x, inputs = self.start, self.inputs
         q = inputs.evaluate(inputs.end)[0]
         # An input is at rest from its end on; take the velocity just before.
         v = inputs.evaluate(np.nextafter(inputs.end, 0.0))[1]
         motion_back = return_motion(inputs.coordinates, (q, v), (x.q_K, x.v_K), self.tick)
         repetition = np.concatenate([motion_back, self.acc_K])
-        return self.edited(acc_K=np.concatenate([self.acc_K, *[repetition] * (times - 1)]))
+        return self.edited(acc_K=np.concatenate([self.acc_K, *[repetition] * (count - 1)]))
 
     def edited(self, **changes: Any) -> Recording:
         """Copy with changed fields, which is simulated again."""
-        return dataclasses.replace(self, written=None, checks=None, ended="", **changes)
+        return dataclasses.replace(self, output=None, references=None, end_reason="", **changes)
 
     def save(self, path: str | Path) -> None:
         """Writes an npz file that contains everything, with the puppet.
@@ -196,31 +198,33 @@ class Recording:
         Raises:
             FileError: the file is damaged or not a recording.
         """
-        with npz.opened(path, RECORDING_FORMATS, "a recording") as (arrays, about):
-            return cls(**archive.fields_of(arrays, about))
+        with npz.opened(path, RECORDING_FORMATS, "a recording") as (arrays, metadata):
+            return cls(**archive.fields_of(arrays, metadata))
 
     # -- internal ----------------------------------------------------------------------------
 
     def with_output(self) -> Recording:
         """The recording with its output, simulated if necessary."""
-        if self.written is not None:
+        if self.output is not None:
             return self
-        return dataclasses.replace(self, written=self._output())
+        return dataclasses.replace(self, output=self._output())
 
-    def _output(self) -> Written:
+    def _output(self) -> RecordedOutput:
         """Output as recorded, or simulated again and compared with the samples of a file."""
-        if self.written is not None:
-            return self.written
-        written, checks = self._simulated(), self.checks
-        if checks is None:
-            return written
-        samples = written.output.samples
-        last = checks.ticks[-1]
-        if len(samples) > last and np.array_equal(samples[checks.ticks], checks.samples):
-            return written
-        return self._in_parts(checks)
+        if self.output is not None:
+            return self.output
+        output, references = self._simulated(), self.references
+        if references is None:
+            return output
+        samples = output.piece.samples
+        last_tick = references.ticks[-1]
+        if len(samples) > last_tick and np.array_equal(
+            samples[references.ticks], references.samples
+        ):
+            return output
+        return self._in_parts(references)
 
-    def _simulated(self, start: State | None = None, ticks: slice = slice(None)) -> Written:
+    def _simulated(self, start: State | None = None, ticks: slice = slice(None)) -> RecordedOutput:
         options = self.marionette.run_options(dt=self.dt, save_every=self.steps)
         x = self.start if start is None else start
         stepper = Stepper(self.marionette, x, METHOD, options)
@@ -230,33 +234,35 @@ class Recording:
             if not stepper.arrived:
                 break
             recorder.add(acc_K, stepper)
-        return recorder.written(stepper.reported)
+        return recorder.output_so_far(stepper.reported)
 
-    def _in_parts(self, checks: Checks) -> Written:
+    def _in_parts(self, references: ReferenceSamples) -> RecordedOutput:
         """Output from each saved sample to the next, simulated from the first of the two."""
         layout, parts = self.marionette.sample_layout, list[Piece]()
-        for k, (first, last) in enumerate(pairwise(checks.ticks.tolist())):
-            x = change.permitted(self.marionette, layout.state(checks.samples[k]))
-            part = self._simulated(x, slice(first, last))
-            samples, _, contacts = part.output
+        for index, (first_tick, last_tick) in enumerate(pairwise(references.ticks.tolist())):
+            state = state_transfer.feasible_state(
+                self.marionette, layout.state(references.samples[index])
+            )
+            part = self._simulated(state, slice(first_tick, last_tick))
+            samples, _, contacts = part.piece
             # Work and losses continue from those of the sample.
-            for name in _ACCUMULATED:
-                samples[:, layout.places[name]] += checks.samples[k, layout.places[name]]
+            for name in _ACCUMULATED_PARTS:
+                samples[:, layout.places[name]] += references.samples[index, layout.places[name]]
             if part.status is Status.DONE:
-                samples[-1] = checks.samples[k + 1]
-            if k:  # begins with the last sample of the part before
+                samples[-1] = references.samples[index + 1]
+            if index:  # begins with the last sample of the part before
                 samples = samples[1:]
                 contacts = contacts[contacts[:, 0] > 0.0] - np.eye(1, contacts.shape[1])
-            parts.append(Piece(samples, part.output.events, contacts))
+            parts.append(Piece(samples, part.piece.events, contacts))
             if part.status is not Status.DONE:
-                return Written(Piece.joined(parts), part.status)
-        return Written(Piece.joined(parts), checks.status)
+                return RecordedOutput(Piece.joined(parts), part.status)
+        return RecordedOutput(Piece.joined(parts), references.status)
 
-    def _trajectory_of(self, written: Written) -> Trajectory:
+    def _trajectory_of(self, output: RecordedOutput) -> Trajectory:
         run = trajectory_of_samples(
             self.marionette,
-            written.output,
-            written.status,
+            output.piece,
+            output.status,
             METHOD,
             with_effort=True,
             attribution=np.zeros(len(self.marionette.tree.attributable)),
@@ -276,7 +282,7 @@ class Recorder:
     def __init__(self, marionette: Marionette, stepper: Stepper, tick: float):
         self._marionette = marionette
         self._start, self._tick = stepper.state, tick
-        self._output = [_last_of(stepper)]
+        self._output = [_last_sample(stepper)]
         self._acc_K: list[Array] = []
         self._status = Status.DONE
 
@@ -286,24 +292,24 @@ class Recorder:
     def add(self, acc_K: Array, stepper: Stepper) -> None:
         """Adds the stepper's last tick."""
         self._acc_K.append(acc_K)
-        self._output.append(_last_of(stepper))
+        self._output.append(_last_sample(stepper))
         self._status = stepper.reported
 
-    def written(self, status: Status | None = None) -> Written:
+    def output_so_far(self, status: Status | None = None) -> RecordedOutput:
         """Output so far, with the status of the last tick by default."""
         status = self._status if status is None else status
-        return Written(Piece.joined(self._output), status)
+        return RecordedOutput(Piece.joined(self._output), status)
 
-    def finished(self, steps: int, ended: str) -> Recording | None:
+    def recording(self, steps: int, end_reason: str) -> Recording | None:
         """Recording of all ticks; None without a tick."""
         if not self._acc_K:
             return None
         acc_K = np.array(self._acc_K)
-        fields = self._marionette, self._start, acc_K, self._tick, steps, ended
-        return Recording(*fields, self.written())
+        fields = self._marionette, self._start, acc_K, self._tick, steps, end_reason
+        return Recording(*fields, self.output_so_far())
 
 
-def _last_of(stepper: Stepper) -> Piece:
+def _last_sample(stepper: Stepper) -> Piece:
     """Last sample of a tick, its contact points, and the tick's events."""
     contacts = stepper.contacts[stepper.contacts[:, 0] == len(stepper.samples) - 1].copy()
     contacts[:, 0] = 0.0

@@ -16,25 +16,26 @@ class Reports:
     """Reports on a performance, in its time [s].
 
     Attributes:
-        stopped: time and reason of the last stop of all hands; None without a stop.
+        last_stop: time and reason of the last stop of all hands; None without a stop.
     """
 
     def __init__(self) -> None:
-        self.stopped: tuple[float, str] | None = None
-        self._weak: dict[str, float] = {}  # name of a drive -> last time its motor was too weak
+        self.last_stop: tuple[float, str] | None = None
+        # Name of a drive -> last time its motor was too weak.
+        self._weak_motor_times: dict[str, float] = {}
 
     def clear(self) -> None:
         """Forgets all reports."""
-        self.stopped = None
-        self._weak.clear()
+        self.last_stop = None
+        self._weak_motor_times.clear()
 
     def forget_motors(self) -> None:
         """Forgets weak motors, when the drives change."""
-        self._weak.clear()
+        self._weak_motor_times.clear()
 
-    def stop(self, t: float, why: str) -> None:
+    def stop(self, t: float, reason: str) -> None:
         """Records that all hands were stopped."""
-        self.stopped = (t, why)
+        self.last_stop = (t, reason)
 
     def note_motors(self, t: float, tree: Tree, stepper: Stepper) -> None:
         """Records the drives whose motors were overloaded in the last tick."""
@@ -42,20 +43,22 @@ class Reports:
             return
         for index in stepper.events[:, EVENT_AT["row"]].astype(int) - tree.n_rows:
             if 0 <= index < len(tree.watched):
-                self._weak[tree.watched[index].name.rsplit(".", 1)[0]] = t
+                self._weak_motor_times[tree.watched[index].name.rsplit(".", 1)[0]] = t
 
-    def added(self, found: dict[str, list[str]], t: float, names: Iterable[str]) -> dict[str, str]:
+    def with_reports(
+        self, messages: dict[str, list[str]], t: float, names: Iterable[str]
+    ) -> dict[str, str]:
         """Messages by handle or string, including the given ones.
 
         Args:
-            found: given messages.
+            messages: given messages.
             t: present time [s].
             names: names of all hands.
         """
-        if self.stopped and t - self.stopped[0] < _REPORT_TIME:
+        if self.last_stop and t - self.last_stop[0] < _REPORT_TIME:
             for name in dict.fromkeys(names):
-                found.setdefault(name, []).append(f"hand was stopped: {self.stopped[1]}")
-        for name, at in self._weak.items():
-            if t - at < _REPORT_TIME:
-                found.setdefault(name, []).append("its motor is too weak for this")
-        return {name: "; ".join(texts) for name, texts in found.items()}
+                messages.setdefault(name, []).append(f"hand was stopped: {self.last_stop[1]}")
+        for name, last_time in self._weak_motor_times.items():
+            if t - last_time < _REPORT_TIME:
+                messages.setdefault(name, []).append("its motor is too weak for this")
+        return {name: "; ".join(texts) for name, texts in messages.items()}

@@ -21,27 +21,27 @@ _MAX_ITERATIONS = 4
 """Iterations for the duration of a return, which depends on the score at its end."""
 
 
-class _Transition(NamedTuple):
+class _Blend(NamedTuple):
     """Quintic motion of some coordinates, in the voice's time [s].
 
     It is added to the score's motion, or replaces it.
     """
 
-    moves: MaskRows
+    mask: MaskRows
     replaces_score: bool
-    begins: float
+    start_time: float
     duration: float
     coef: Array
 
     def has_ended(self, clock: float) -> bool:
         """Whether it has returned to the score."""
-        return not self.replaces_score and clock >= self.begins + self.duration
+        return not self.replaces_score and clock >= self.start_time + self.duration
 
     def at(self, clock: float) -> tuple[VecK, VecK]:
         """(n_vK,) offsets and rates."""
-        s = min(clock - self.begins, self.duration)
-        d, rate, _ = polynomial.evaluate(self.coef, np.array(s))
-        return d, rate if s < self.duration else np.zeros_like(rate)
+        elapsed = min(clock - self.start_time, self.duration)
+        d, rate, _ = polynomial.evaluate(self.coef, np.array(elapsed))
+        return d, rate if elapsed < self.duration else np.zeros_like(rate)
 
 
 class ScoreVoice:
@@ -54,8 +54,8 @@ class ScoreVoice:
     Attributes:
         conductor: time of the score, with its waits and GO.
         running: whether its time runs.
-        now: present offsets.
-        share: (2, 1) shares of the bounds of speed and acceleration for transitions.
+        offsets: present offsets.
+        bound_shares: (2, 1) shares of the bounds of speed and acceleration for transitions.
         shift: (n_vK,) offset that is added to the score's, and its rate.
 
     Args:
@@ -66,14 +66,14 @@ class ScoreVoice:
 
     def __init__(self, score: Score, motion: Gesture, bounds: Array):
         self.conductor, self.running = Conductor(score), True
-        self.now = Offsets.none(bounds.shape[1])
-        self.share: Array = np.ones((2, 1))
-        nothing = np.zeros(bounds.shape[1])
-        self.shift: tuple[VecK, VecK] = nothing, nothing
+        self.offsets = Offsets.none(bounds.shape[1])
+        self.bound_shares: Array = np.ones((2, 1))
+        zeros = np.zeros(bounds.shape[1])
+        self.shift: tuple[VecK, VecK] = zeros, zeros
         self._motion, self._bounds = motion, bounds
         self._pace, self._seek_time, self._clock = 0.0, 0.0, 0.0
-        self._seek: tuple[float, Array] | None = None
-        self._transitions: list[_Transition] = []
+        self._seek_motion: tuple[float, Array] | None = None
+        self._blends: list[_Blend] = []
         self.seek(0.0)
 
     @property
@@ -84,12 +84,12 @@ class ScoreVoice:
     @property
     def is_still(self) -> bool:
         """Whether its time stands still at present."""
-        return self._seek is not None or self._pace == 0.0 or self.conductor.standing
+        return self._seek_motion is not None or self._pace == 0.0 or self.conductor.standing
 
     @property
     def is_leading(self) -> bool:
         """Whether it is on the way to another time of the score."""
-        return self._seek is not None
+        return self._seek_motion is not None
 
     @property
     def pace(self) -> float:
@@ -100,90 +100,92 @@ class ScoreVoice:
         """Sets the bounds of later transitions."""
         self._bounds = bounds
 
-    def seek(self, to: float | str) -> None:
+    def seek(self, target: float | str) -> None:
         """Goes to a time of the score [s], or to a mark or a wait by name.
 
         Raises:
             UnknownNameError: the score has no such name.
             ValueError: the time is negative.
         """
-        t = self.conductor.seek(to)
+        t = self.conductor.seek(target)
         self._pace, self._seek_time = 0.0, 0.0
-        self._transitions = [way for way in self._transitions if way.replaces_score]
-        own = ~self._is_replaced
-        there, _ = at(self._motion.breaks, self._motion.coef, t)
-        self._seek, _ = transition(
-            (self.now.d - self.shift[0]) * own,
-            (self.now.rate - self.shift[1]) * own,
-            there * own,
-            np.zeros(len(there)),
-            self._bounds * self.share,
+        self._blends = [blend for blend in self._blends if blend.replaces_score]
+        follows_score = ~self._is_replaced
+        score_offsets, _ = at(self._motion.breaks, self._motion.coef, t)
+        self._seek_motion, _ = transition(
+            (self.offsets.d - self.shift[0]) * follows_score,
+            (self.offsets.rate - self.shift[1]) * follows_score,
+            score_offsets * follows_score,
+            np.zeros(len(score_offsets)),
+            self._bounds * self.bound_shares,
         )
 
-    def leave(self, moves: MaskRows) -> None:
+    def leave(self, mask: MaskRows) -> None:
         """Leaves coordinates to the hands: they stop within bounds, and the others continue."""
-        nothing = np.zeros(len(moves))
-        stops = np.where(moves, np.nan, 0.0)
-        way, end = transition(
-            self.now.d * moves, self.now.rate * moves, stops, nothing, self._bounds
+        zeros = np.zeros(len(mask))
+        target = np.where(mask, np.nan, 0.0)
+        motion, final_offsets = transition(
+            self.offsets.d * mask, self.offsets.rate * mask, target, zeros, self._bounds
         )
-        coef = np.zeros((len(moves), polynomial.N_COEF))
-        coef[:, 0] = end
-        self._add(_Transition(moves, True, self._clock, *(way or (0.0, coef))))
+        coef = np.zeros((len(mask), polynomial.N_COEF))
+        coef[:, 0] = final_offsets
+        self._add_blend(_Blend(mask, True, self._clock, *(motion or (0.0, coef))))
 
-    def lead_back(self, moves: MaskRows, d: VecK, rate: VecK) -> None:
+    def lead_back(self, mask: MaskRows, d: VecK, rate: VecK) -> None:
         """Returns coordinates to the score's motion by a quintic.
 
         Args:
-            moves: (n_vK,) mask of the coordinates.
+            mask: (n_vK,) mask of the coordinates.
             d, rate: (n_vK,) their present offsets and rates.
         """
-        own_d, own_rate = self._score(0.0)
-        e = (d - own_d - self.shift[0]) * moves
-        e_rate = (rate - own_rate - self.shift[1]) * moves
-        nothing, duration, way = np.zeros(len(moves)), 0.0, None
+        score_d, score_rate = self._advance_score(0.0)
+        deviation = (d - score_d - self.shift[0]) * mask
+        deviation_rate = (rate - score_rate - self.shift[1]) * mask
+        zeros, duration, motion = np.zeros(len(mask)), 0.0, None
         for _ in range(_MAX_ITERATIONS):
-            way, _ = transition(e, e_rate, nothing, nothing, self._remaining_bounds(duration))
-            if way is None or way[0] <= duration:
+            motion, _ = transition(
+                deviation, deviation_rate, zeros, zeros, self._remaining_bounds(duration)
+            )
+            if motion is None or motion[0] <= duration:
                 break
-            duration = way[0]
-        self._end_transitions(moves)
-        if way is not None:
-            self._add(_Transition(moves, False, self._clock, *way))
-        self.now = self._combined(own_d, own_rate)
+            duration = motion[0]
+        self._end_blends(mask)
+        if motion is not None:
+            self._add_blend(_Blend(mask, False, self._clock, *motion))
+        self.offsets = self._combined(score_d, score_rate)
 
     def halt(self) -> None:
         """Stops all coordinates within bounds, at once; :meth:`lead_back` continues."""
         self.leave(np.ones(self._bounds.shape[1], dtype=bool))
-        self.running, self._pace, self._seek = False, 0.0, None
+        self.running, self._pace, self._seek_motion = False, 0.0, None
 
     def advance(self, tick: float) -> None:
         """Advances by a tick [s]."""
         self._clock += tick
-        self._transitions = [way for way in self._transitions if not way.has_ended(self._clock)]
-        self.now = self._combined(*self._score(tick))
+        self._blends = [blend for blend in self._blends if not blend.has_ended(self._clock)]
+        self.offsets = self._combined(*self._advance_score(tick))
 
     # -- inside ------------------------------------------------------------------------------
 
     @property
     def _is_replaced(self) -> MaskRows:
         """(n_vK,) whether a coordinate is left to the hands."""
-        led: MaskRows = np.zeros(self._bounds.shape[1], dtype=bool)
-        for way in self._transitions:
-            led |= way.moves & way.replaces_score
-        return led
+        is_replaced: MaskRows = np.zeros(self._bounds.shape[1], dtype=bool)
+        for blend in self._blends:
+            is_replaced |= blend.mask & blend.replaces_score
+        return is_replaced
 
-    def _score(self, tick: float) -> tuple[VecK, VecK]:
+    def _advance_score(self, tick: float) -> tuple[VecK, VecK]:
         """(n_vK,) offsets and rates of the score alone, after a tick."""
-        if self._seek is not None:
-            self._seek_time = min(self._seek_time + tick, self._seek[0])
-            d, rate, _ = polynomial.evaluate(self._seek[1], np.array(self._seek_time))
-            if self._seek_time >= self._seek[0]:
-                self._seek, rate = None, np.zeros_like(rate)
+        if self._seek_motion is not None:
+            self._seek_time = min(self._seek_time + tick, self._seek_motion[0])
+            d, rate, _ = polynomial.evaluate(self._seek_motion[1], np.array(self._seek_time))
+            if self._seek_time >= self._seek_motion[0]:
+                self._seek_motion, rate = None, np.zeros_like(rate)
             return d, rate
-        before, wanted = self._pace, float(self.running)
-        self._pace += float(np.clip(wanted - before, -tick / _RAMP_TIME, tick / _RAMP_TIME))
-        t = self.conductor.advance(0.5 * (before + self._pace) * tick)
+        old_pace, target_pace = self._pace, float(self.running)
+        self._pace += float(np.clip(target_pace - old_pace, -tick / _RAMP_TIME, tick / _RAMP_TIME))
+        t = self.conductor.advance(0.5 * (old_pace + self._pace) * tick)
         d, rate = at(self._motion.breaks, self._motion.coef, t)
         pace = 0.0 if self.conductor.standing else self._pace
         return d, pace * rate
@@ -191,25 +193,28 @@ class ScoreVoice:
     def _combined(self, d: VecK, rate: VecK) -> Offsets:
         """Offsets of the score, with the transitions added to it or instead of it."""
         d, rate = d + self.shift[0], rate + self.shift[1]
-        for way in self._transitions:
-            own, own_rate = way.at(self._clock)
-            keeps = ~(way.moves & way.replaces_score)
-            d, rate = d * keeps + own * way.moves, rate * keeps + own_rate * way.moves
-        return self.now._replace(d=d, rate=rate)
+        for blend in self._blends:
+            blend_d, blend_rate = blend.at(self._clock)
+            keeps_score = ~(blend.mask & blend.replaces_score)
+            d, rate = (
+                d * keeps_score + blend_d * blend.mask,
+                rate * keeps_score + blend_rate * blend.mask,
+            )
+        return self.offsets._replace(d=d, rate=rate)
 
     def _remaining_bounds(self, duration: float) -> Array:
         """(2, n_vK) bounds of a return, reduced by the needs of the score in the meantime."""
         motion, t = self._motion, self.conductor.t
-        meanwhile = (motion.breaks[1:] > t) & (motion.breaks[:-1] < t + duration)
-        needed = np.max(motion.peaks_of_pieces[meanwhile], axis=0, initial=0.0)
-        left = np.maximum(self._bounds - needed, _MIN_BOUND_SHARE * self._bounds)
-        return np.minimum(left, self._bounds * self.share)
+        is_meanwhile = (motion.breaks[1:] > t) & (motion.breaks[:-1] < t + duration)
+        needed = np.max(motion.peaks_of_pieces[is_meanwhile], axis=0, initial=0.0)
+        remaining = np.maximum(self._bounds - needed, _MIN_BOUND_SHARE * self._bounds)
+        return np.minimum(remaining, self._bounds * self.bound_shares)
 
-    def _add(self, way: _Transition) -> None:
-        self._end_transitions(way.moves)
-        self._transitions.append(way)
+    def _add_blend(self, blend: _Blend) -> None:
+        self._end_blends(blend.mask)
+        self._blends.append(blend)
 
-    def _end_transitions(self, moves: MaskRows) -> None:
+    def _end_blends(self, mask: MaskRows) -> None:
         """Ends the transitions of some coordinates."""
-        left = [way._replace(moves=way.moves & ~moves) for way in self._transitions]
-        self._transitions = [way for way in left if way.moves.any()]
+        remaining = [blend._replace(mask=blend.mask & ~mask) for blend in self._blends]
+        self._blends = [blend for blend in remaining if blend.mask.any()]

@@ -18,7 +18,7 @@ from fantoccini.theatre.plays import CueOfPlay, Play
 _BOUND_SHARES = np.array([[0.5], [0.25]])
 """Shares of the bounds of speed and acceleration for transitions to a cue; with the full bounds
 puppets would swing for long."""
-_SAME_TIME = 1e-6
+_TIME_TOLERANCE = 1e-6
 """Interval within which cues count as simultaneous [s]."""
 
 
@@ -78,11 +78,11 @@ class LivePlay:
         self.taken: frozenset[str] = frozenset()
         self.message = ""
         self.steady: Steadying | None = Steadying(play, self.performance)
-        done = (cue for cue in play.cues if not cue.refused)
-        self._played = tuple(sorted(done, key=lambda cue: cue.start))
+        playable = (cue for cue in play.cues if not cue.refused)
+        self._playable_cues = tuple(sorted(playable, key=lambda cue: cue.start))
         self._listeners: list[Callable[[ShowEvent], None]] = []
-        self._current: tuple[int, ...] = ()
-        self._act, self._wait, self._halted = "", "", False
+        self._playing_numbers: tuple[int, ...] = ()
+        self._act_name, self._wait_name, self._halted = "", "", False
 
     def __repr__(self) -> str:
         return f"<LivePlay of {self.play.name!r} at {self.t:.2f} s>"
@@ -104,7 +104,7 @@ class LivePlay:
         return 0.0 if self.voice is None else self.voice.t
 
     @property
-    def held(self) -> bool:
+    def is_held(self) -> bool:
         """Whether it is held."""
         return self.voice is not None and not self.voice.running
 
@@ -119,29 +119,31 @@ class LivePlay:
         return None if self.voice is None else self.voice.conductor.waiting
 
     @property
-    def on(self) -> tuple[CueOfPlay, ...]:
+    def playing_cues(self) -> tuple[CueOfPlay, ...]:
         """Cues that are being played."""
-        return tuple(self.play.cues[number - 1] for number in self._current)
+        return tuple(self.play.cues[number - 1] for number in self._playing_numbers)
 
     @property
-    def present(self) -> CueOfPlay | None:
+    def latest_cue(self) -> CueOfPlay | None:
         """Cue that began last."""
-        begun = [cue for cue in self._played if cue.start < self._reference_time - _SAME_TIME]
-        return begun[-1] if begun else None
+        begun_cues = [
+            cue for cue in self._playable_cues if cue.start < self._reference_time - _TIME_TOLERANCE
+        ]
+        return begun_cues[-1] if begun_cues else None
 
     @property
-    def next(self) -> CueOfPlay | None:
+    def next_cue(self) -> CueOfPlay | None:
         """Target of :meth:`skip`: the first cue after the present or waiting one."""
         t, wait = self._reference_time, self.waiting
         if wait is not None:
             t = max(t, self._cue_of(wait).start)
-        return next((cue for cue in self._played if cue.start > t + _SAME_TIME), None)
+        return next((cue for cue in self._playable_cues if cue.start > t + _TIME_TOLERANCE), None)
 
     @property
     def standing_by(self) -> CueOfPlay | None:
         """Cue that GO begins, now or at its time; None after the last one."""
         if self.voice is None:
-            return self._played[0] if self._played else None
+            return self._playable_cues[0] if self._playable_cues else None
         wait = self.voice.conductor.upcoming
         return None if wait is None else self._cue_of(wait)
 
@@ -169,11 +171,11 @@ class LivePlay:
             cue = self.standing_by
             if voice.conductor.go(np.inf):
                 early = voice.conductor.released and cue is not None
-                self.message = f"GO is kept for {_in_words(cue)}" if early and cue else ""
+                self.message = f"GO is kept for {_cue_in_words(cue)}" if early and cue else ""
             elif cue is None:
                 self.message = "GO is refused: no cue waits any more"
             else:
-                self.message = f"GO is refused: it has been given for {_in_words(cue)} already"
+                self.message = f"GO is refused: it has been given for {_cue_in_words(cue)} already"
 
     def hold(self) -> None:
         """Pauses the play; the hands come to rest within 0.3 s."""
@@ -192,7 +194,7 @@ class LivePlay:
 
     def skip(self) -> None:
         """Goes to the beginning of the next cue; if it waits for GO, the play waits there."""
-        cue = self.next
+        cue = self.next_cue
         if cue is None:
             self.message = "skip is refused: this is the last cue"
         else:
@@ -200,7 +202,7 @@ class LivePlay:
 
     def repeat(self) -> None:
         """Goes to the beginning of the present cue, and plays it again."""
-        cue = self.present
+        cue = self.latest_cue
         if cue is None:
             self.message = "repeat is refused: no cue has begun"
         else:
@@ -229,7 +231,7 @@ class LivePlay:
         lanes = self._lanes(who)
         if self.voice is not None:
             self.performance.leave_lanes(lanes)
-            self._forget([who])
+            self._end_shifts([who])
         self.taken |= {who}
         self.message = f"{who} is in your hands"
 
@@ -249,14 +251,14 @@ class LivePlay:
         """Stops all hands as fast as their bounds allow; :meth:`resume` or GO continues."""
         if self.voice is not None:
             self.voice.halt()
-            self._forget(list(self.play.cast.players))
+            self._end_shifts(list(self.play.cast.players))
             self._halted = True
         self.message = "all hands have stopped"
 
     def reset(self) -> None:
         """Returns to the start, before the first GO."""
         self.performance.reset()
-        self.taken, self._current, self._act, self._wait = frozenset(), (), "", ""
+        self.taken, self._playing_numbers, self._act_name, self._wait_name = frozenset(), (), "", ""
         self._halted, self.message = False, ""
 
     # -- time --------------------------------------------------------------------------------
@@ -265,12 +267,12 @@ class LivePlay:
         """Advances by the whole ticks in a duration [s]; the remainder is added to the next."""
         remaining = float(duration)
         while True:
-            part = min(remaining, self.performance.tick)
+            step = min(remaining, self.performance.tick)
             if self.steady is not None and self.voice is not None:
                 self.steady.update(self.voice, self.performance.state, self.taken)
-            x = self.performance.advance(part)
-            self._watch()
-            remaining -= part
+            x = self.performance.advance(step)
+            self._report_events()
+            remaining -= step
             if remaining <= 0.0:
                 return x
 
@@ -281,12 +283,12 @@ class LivePlay:
         """Time in the play; during a transition to a cue, just after the cue's beginning [s]."""
         voice = self.voice
         is_leading = voice is not None and voice.is_leading and voice.conductor.waiting is None
-        return self.t + 2.0 * _SAME_TIME * is_leading
+        return self.t + 2.0 * _TIME_TOLERANCE * is_leading
 
     def _begin(self) -> ScoreVoice:
         """Begins the play."""
         voice = self.performance.play_score(self.play.score)
-        voice.share = _BOUND_SHARES
+        voice.bound_shares = _BOUND_SHARES
         self._halted, self.message = False, ""
         self._lead_back([name for name in self.play.cast.players if name not in self.taken])
         for name in self.taken:
@@ -299,7 +301,7 @@ class LivePlay:
         if self._halted:
             self.resume()
         wait = next(
-            (candidate for candidate in self.play.score.waits if self._cue_of(candidate) is cue),
+            (score_wait for score_wait in self.play.score.waits if self._cue_of(score_wait) is cue),
             None,
         )
         voice.seek(cue.start if begin or wait is None else wait.t)
@@ -307,65 +309,65 @@ class LivePlay:
             voice.running = True
             if voice.conductor.waiting is not None:
                 voice.conductor.go()
-        self.message = f"to {_in_words(cue)}"
+        self.message = f"to {_cue_in_words(cue)}"
 
     def _lanes(self, who: str) -> list[str]:
         """Lanes of a player."""
         cast = self.play.cast
         if who not in cast.players:
             raise UnknownNameError("player", who, list(cast.players))
-        prefix = cast.member(who)
+        prefix = cast.prefix(who)
         return [lane for lane in self.performance.lanes if lane.startswith(prefix)]
 
     def _lead_back(self, players: list[str]) -> None:
         self.performance.lead_back([lane for who in players for lane in self._lanes(who)])
 
-    def _forget(self, players: list[str]) -> None:
+    def _end_shifts(self, players: list[str]) -> None:
         """Ends the shifts of players' hands, when they stop."""
         if self.steady is not None:
             for who in players:
-                self.steady.forget(who)
+                self.steady.end_shift(who)
 
     def _cue_of(self, wait: Wait) -> CueOfPlay:
         """Cue that a wait precedes."""
         return self.play.cues[int(wait.name.split()[-1]) - 1]
 
-    def _watch(self) -> None:
+    def _report_events(self) -> None:
         """Reports the events of a tick."""
         voice = self.voice
         if voice is None:
-            self._current, self._act, self._wait = (), "", ""
+            self._playing_numbers, self._act_name, self._wait_name = (), "", ""
             return
         t = voice.t
         if not voice.is_leading:
-            act = [name for name, start in self.play.acts.items() if start <= t]
-            if act and act[-1] != self._act:
-                self._act = act[-1]
-                self._report("act", self._act)
-        current = self._current_cues(voice)
-        for number in self._current:
-            if number not in current:
+            begun_acts = [name for name, start in self.play.acts.items() if start <= t]
+            if begun_acts and begun_acts[-1] != self._act_name:
+                self._act_name = begun_acts[-1]
+                self._report("act", self._act_name)
+        playing_numbers = self._current_cues(voice)
+        for number in self._playing_numbers:
+            if number not in playing_numbers:
                 self._report("end", self.play.cues[number - 1].name, number)
-        for number in current:
-            if number not in self._current:
+        for number in playing_numbers:
+            if number not in self._playing_numbers:
                 self._report("start", self.play.cues[number - 1].name, number)
-        self._current = current
+        self._playing_numbers = playing_numbers
         wait = voice.conductor.waiting
         name = "" if wait is None or voice.is_leading else wait.name
-        if name and name != self._wait:
+        if name and name != self._wait_name:
             self._report("wait", name)
-        self._wait = name
+        self._wait_name = name
 
     def _current_cues(self, voice: ScoreVoice) -> tuple[int, ...]:
         """Numbers of the cues that are being played."""
         if voice.is_leading or voice.conductor.done:
             return ()
         wait, t = voice.conductor.waiting, voice.t
-        waiting = None if wait is None else self._cue_of(wait)
+        waiting_cue = None if wait is None else self._cue_of(wait)
         return tuple(
             cue.number
-            for cue in self._played
-            if cue.start < t < max(cue.end, cue.start + _SAME_TIME) and cue is not waiting
+            for cue in self._playable_cues
+            if cue.start < t < max(cue.end, cue.start + _TIME_TOLERANCE) and cue is not waiting_cue
         )
 
     def _report(self, kind: str, name: str, number: int = 0) -> None:
@@ -374,7 +376,7 @@ class LivePlay:
             callback(ShowEvent(kind, name, number, self.t))
 
 
-def _in_words(cue: CueOfPlay) -> str:
+def _cue_in_words(cue: CueOfPlay) -> str:
     return f"cue {cue.number} ({cue.description})"
 
 
@@ -384,7 +386,12 @@ def _hand_peaks(play: Play) -> tuple[float, float]:
     A hand moves along three axes, each of which may use the stage's bound.
     """
     peaks = play.score.gesture.peaks_of_pieces**2
-    hands = np.array([name.rsplit(".", 1)[0] for name in play.marionette.coordinates.v_K])
-    squares = [np.sum(peaks[:, :, hands == hand], axis=2).max(axis=0) for hand in np.unique(hands)]
-    speed, acceleration = np.sqrt(np.max(squares, axis=0))
+    hand_of_coordinate = np.array(
+        [name.rsplit(".", 1)[0] for name in play.marionette.coordinates.v_K]
+    )
+    squared_peaks = [
+        np.sum(peaks[:, :, hand_of_coordinate == hand], axis=2).max(axis=0)
+        for hand in np.unique(hand_of_coordinate)
+    ]
+    speed, acceleration = np.sqrt(np.max(squared_peaks, axis=0))
     return float(speed), float(acceleration)

@@ -27,16 +27,18 @@ def smoothed(inputs: Input, n: int, tick: float, seconds: float) -> Array:
     # An input is at rest from its end on; take the velocity just before.
     v[-1] = inputs.evaluate(np.nextafter(inputs.end, 0.0))[1]
     path = q.copy()
-    for place, _ in table.quaternions_K:
-        path[:, place : place + 4] = rotation.continuous(q[:, place : place + 4])
+    for q_index, _ in table.quaternions_K:
+        path[:, q_index : q_index + 4] = rotation.continuous(q[:, q_index : q_index + 4])
     path = _averaged(path, max(1, round(seconds / tick)))
     rate = np.empty_like(v)
-    two = 2.0 * tick
-    for place, at in table.scalars_K:
-        rate[1:-1, at] = (path[2:, place] - path[:-2, place]) / two
-    for place, at in table.quaternions_K:
-        turn = rotation.normalised(path[:, place : place + 4])
-        rate[1:-1, at : at + 3] = rotation.between(turn[:-2], turn[2:]) / two
+    double_tick = 2.0 * tick
+    for q_index, v_index in table.scalars_K:
+        rate[1:-1, v_index] = (path[2:, q_index] - path[:-2, q_index]) / double_tick
+    for q_index, v_index in table.quaternions_K:
+        quaternions = rotation.normalised(path[:, q_index : q_index + 4])
+        rate[1:-1, v_index : v_index + 3] = (
+            rotation.between(quaternions[:-2], quaternions[2:]) / double_tick
+        )
     rate[0], rate[-1] = v[0], v[-1]
     return np.diff(rate, axis=0) / tick
 
@@ -47,11 +49,12 @@ def _averaged(path: Array, max_half: int) -> Array:
     In between the window widens smoothly: a kink in its width would be a step in velocity.
     """
     n = len(path) - 1
-    out = path.copy()
+    averaged = path.copy()
     for i in range(1, n):
-        near = min(i, n - i, 2 * max_half)
-        width = near - 0.25 * near**2 / max_half  # slope 1 at the ends, 0 where it is `max_half`
-        half = min(int(width) + 1, near)
+        n_near = min(i, n - i, 2 * max_half)
+        # Its slope is 1 at the ends, and 0 where it is `max_half`.
+        width = n_near - 0.25 * n_near**2 / max_half
+        half = min(int(width) + 1, n_near)
         weight = np.cos(0.5 * np.pi * np.arange(-half, half + 1) / (width + 1.0)) ** 2
-        out[i] = weight @ path[i - half : i + half + 1] / weight.sum()
-    return out
+        averaged[i] = weight @ path[i - half : i + half + 1] / weight.sum()
+    return averaged

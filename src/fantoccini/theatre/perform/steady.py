@@ -22,7 +22,7 @@ from fantoccini.model.tree import link_inertia
 from fantoccini.motion import State
 from fantoccini.theatre.perform.performance import Performance
 from fantoccini.theatre.perform.score_voice import ScoreVoice
-from fantoccini.theatre.plays import Play, together
+from fantoccini.theatre.plays import Play, combine_runs
 
 
 class _Weights(NamedTuple):
@@ -63,11 +63,11 @@ class Steadying:
 
     def __init__(self, play: Play, performance: Performance):
         self._play, self._performance = play, performance
-        self._members = Members(play)
-        run = together(play.cast, play.runs())
-        self._clock = np.arange(run.t[0], run.t[-1], 1.0 / _WEIGHTS.rate)
-        at = run.resample(self._clock)
-        self._played = self._members.mass_centres(at.q_D, at.q_K)[..., :2]
+        self._bodies = PlayerBodies(play)
+        run = combine_runs(play.cast, play.runs())
+        self._sample_times = np.arange(run.t[0], run.t[-1], 1.0 / _WEIGHTS.rate)
+        samples = run.resample(self._sample_times)
+        self._wanted_places = self._bodies.mass_centres(samples.q_D, samples.q_K)[..., :2]
         tick = performance.tick
         marionette = play.marionette
         gravity = -marionette.number(marionette.tree.gravity[2])
@@ -76,15 +76,15 @@ class Steadying:
         )
         self._gains = np.array([_gains(w, tick) for w in self.frequencies])
         self._max_acceleration = _WEIGHTS.acceleration_share * play.cast.file.stage.acceleration
-        n = len(self.frequencies)
-        self._s, self._rate = np.zeros((n, 2)), np.zeros((n, 2))
-        self._before: Array | None = None
-        self._t = 0.0
+        n_players = len(self.frequencies)
+        self._shift, self._shift_rate = np.zeros((n_players, 2)), np.zeros((n_players, 2))
+        self._last_deviation: Array | None = None
+        self._last_time = 0.0
 
-    def forget(self, who: str) -> None:
+    def end_shift(self, who: str) -> None:
         """Ends the shift of a player whose hands stop, at their shifted places."""
-        i = self._members.names.index(who)
-        self._s[i] = self._rate[i] = 0.0
+        i = self._bodies.names.index(who)
+        self._shift[i] = self._shift_rate[i] = 0.0
 
     def update(self, voice: ScoreVoice, x: State, taken: frozenset[str]) -> None:
         """Updates the shifts for the next tick, from a state of the stage.
@@ -95,44 +95,56 @@ class Steadying:
             taken: players that a person moves instead of the play.
         """
         tick, t = self._performance.tick, voice.t
-        played = np.array(
+        wanted_places = np.array(
             [
-                [np.interp(t, self._clock, path) for path in of_player.T]
-                for of_player in self._played.swapaxes(0, 1)
+                [np.interp(t, self._sample_times, path) for path in path_of_player.T]
+                for path_of_player in self._wanted_places.swapaxes(0, 1)
             ]
         )
-        e = self._members.mass_centres(x.q_D, x.q_K)[..., :2] - played
-        jumped = self._before is None or abs(t - self._t) > 1.5 * tick
-        rate = np.zeros_like(e) if jumped else (e - self._before) / tick
-        self._before, self._t = e, t
-        follows = not voice.is_leading and (voice.running or voice.conductor.waiting is not None)
-        known = np.array([follows and name not in taken for name in self._members.names])[:, None]
-        e = _bounded(e, _WEIGHTS.max_deviation) * known
-        rate = _bounded(rate, _WEIGHTS.max_deviation_rate) * known
-        k = self._gains[:, :, None]
-        own = k[:, 2] * self._s + k[:, 3] * self._rate
-        wanted = _bounded(-(k[:, 0] * e + k[:, 1] * rate + own), self._max_acceleration)
-        self._s += tick * self._rate + 0.5 * tick**2 * wanted
-        self._rate += tick * wanted
-        voice.shift = self._members.hand_motion(self._s), self._members.hand_motion(self._rate)
+        deviation = self._bodies.mass_centres(x.q_D, x.q_K)[..., :2] - wanted_places
+        has_jumped = self._last_deviation is None or abs(t - self._last_time) > 1.5 * tick
+        deviation_rate = (
+            np.zeros_like(deviation) if has_jumped else (deviation - self._last_deviation) / tick
+        )
+        self._last_deviation, self._last_time = deviation, t
+        is_following = not voice.is_leading and (
+            voice.running or voice.conductor.waiting is not None
+        )
+        is_steadied = np.array(
+            [[is_following and name not in taken] for name in self._bodies.names]
+        )
+        deviation = _bounded(deviation, _WEIGHTS.max_deviation) * is_steadied
+        deviation_rate = _bounded(deviation_rate, _WEIGHTS.max_deviation_rate) * is_steadied
+        gains = self._gains[:, :, None]
+        feedback_of_shift = gains[:, 2] * self._shift + gains[:, 3] * self._shift_rate
+        acceleration = _bounded(
+            -(gains[:, 0] * deviation + gains[:, 1] * deviation_rate + feedback_of_shift),
+            self._max_acceleration,
+        )
+        self._shift += tick * self._shift_rate + 0.5 * tick**2 * acceleration
+        self._shift_rate += tick * acceleration
+        voice.shift = (
+            self._bodies.hand_motion(self._shift),
+            self._bodies.hand_motion(self._shift_rate),
+        )
 
     def _heights(self, performance: Performance) -> list[float]:
         """Heights of the hands of all players above their centres of mass [m]."""
         x = self._play.x0
-        mass_centres = self._members.mass_centres(x.q_D, x.q_K)
+        mass_centres = self._bodies.mass_centres(x.q_D, x.q_K)
         heights = []
-        for name, middle in zip(self._members.names, mass_centres, strict=True):
-            own = self._play.cast.member(name)
+        for name, mass_centre in zip(self._bodies.names, mass_centres, strict=True):
+            prefix = self._play.cast.prefix(name)
             hands = [
                 performance.place(handle.name)[0][2]
                 for handle in performance.handles
-                if handle.name.startswith(own)
+                if handle.name.startswith(prefix)
             ]
-            heights.append(float(np.mean(hands) - middle[2]) if hands else 0.0)
+            heights.append(float(np.mean(hands) - mass_centre[2]) if hands else 0.0)
         return heights
 
 
-class Members:
+class PlayerBodies:
     """Bodies and hands of every player."""
 
     def __init__(self, play: Play):
@@ -140,21 +152,23 @@ class Members:
         marionette, names = self._marionette, self._marionette.coordinates.v_K
         self.names = list(cast.players)
         inertia = [link_inertia(link, marionette.number)[:2] for link in marionette.tree.links]
-        self._at = np.array([np.asarray(com, dtype=float) for _, com in inertia])
-        owns = [
+        self._local_centres = np.array([np.asarray(com, dtype=float) for _, com in inertia])
+        masses = [
             [
-                m * (cast.owner(link.name) == who)
-                for link, (m, _) in zip(marionette.tree.links, inertia, strict=True)
+                mass * (cast.owner(link.name) == who)
+                for link, (mass, _) in zip(marionette.tree.links, inertia, strict=True)
             ]
             for who in self.names
         ]
-        share = np.array(owns, dtype=float)
-        self._share = share / np.maximum(share.sum(axis=1, keepdims=True), 1e-12)
+        masses_of_players = np.array(masses, dtype=float)
+        self._mass_shares = masses_of_players / np.maximum(
+            masses_of_players.sum(axis=1, keepdims=True), 1e-12
+        )
         self._channels = np.array(
             [
                 [
-                    [name.startswith(cast.member(who)) and name.endswith(part) for name in names]
-                    for part in (".x", ".y")
+                    [name.startswith(cast.prefix(who)) and name.endswith(axis) for name in names]
+                    for axis in (".x", ".y")
                 ]
                 for who in self.names
             ],
@@ -164,8 +178,8 @@ class Members:
     def mass_centres(self, q_D: Array, q_K: Array) -> Array:
         """(..., n_players, 3) centres of mass [m]."""
         poses = self._marionette.poses(q_D, q_K)
-        places = poses[..., 3] + np.einsum("...ij,...j->...i", poses[..., :3], self._at)
-        return np.einsum("pn,...nj->...pj", self._share, places)
+        places = poses[..., 3] + np.einsum("...ij,...j->...i", poses[..., :3], self._local_centres)
+        return np.einsum("pn,...nj->...pj", self._mass_shares, places)
 
     def hand_motion(self, shifts: Array) -> VecK:
         """(n_vK,) motion of all hands from shifts (n_players, 2) of the players."""
@@ -186,18 +200,18 @@ def _gains(w: float, tick: float) -> Array:
     """(4,) gains of (e, e', s, s') for a pendulum's natural frequency [rad/s]; 0 for 0."""
     if w == 0.0:
         return np.zeros(4)
-    w2 = w * w
+    w_squared = w * w
     A = np.zeros((5, 5))
     A[0, 1] = A[2, 3] = A[3, 4] = 1.0
-    A[1, :3] = -w2, -2.0 * _WEIGHTS.damping * w, w2
-    step = expm(A * tick)
-    A, B = step[:4, :4], step[:4, 4:]
-    Q = np.diag([1.0, 1.0 / w2, _WEIGHTS.shift, _WEIGHTS.shift / w2])
-    R = np.array([[_WEIGHTS.acceleration / w2**2]])
+    A[1, :3] = -w_squared, -2.0 * _WEIGHTS.damping * w, w_squared
+    transition = expm(A * tick)
+    A, B = transition[:4, :4], transition[:4, 4:]
+    Q = np.diag([1.0, 1.0 / w_squared, _WEIGHTS.shift, _WEIGHTS.shift / w_squared])
+    R = np.array([[_WEIGHTS.acceleration / w_squared**2]])
     return riccati.stationary_gain(A, B, Q, R, _WEIGHTS.doublings)[0]
 
 
 def _bounded(values: Array, max_length: float) -> Array:
     """(n, 2) vectors with lengths bounded by ``max_length``."""
-    size = np.linalg.norm(values, axis=-1, keepdims=True)
-    return np.asarray(values * np.minimum(1.0, max_length / np.maximum(size, max_length)))
+    lengths = np.linalg.norm(values, axis=-1, keepdims=True)
+    return np.asarray(values * np.minimum(1.0, max_length / np.maximum(lengths, max_length)))

@@ -12,11 +12,11 @@ import numpy as np
 from fantoccini.base import ConfigK, Quaternion, StateError, Vec3, VecK
 from fantoccini.motion import State, check_same_puppet
 from fantoccini.theatre.gestures import Gesture, Score
-from fantoccini.theatre.perform.handle import Place
+from fantoccini.theatre.perform.handle import HandlePose
 from fantoccini.theatre.perform.hands import Hands
 from fantoccini.theatre.perform.influences import Influences
-from fantoccini.theatre.perform.lanes import places_of, without
-from fantoccini.theatre.perform.player import Player
+from fantoccini.theatre.perform.lanes import lane_masks, without_lanes
+from fantoccini.theatre.perform.player import MotionPlayer
 from fantoccini.theatre.perform.score_voice import ScoreVoice
 from fantoccini.theatre.perform.tick_run import TickRun
 
@@ -36,23 +36,25 @@ class Targets:
     """
 
     def __init__(
-        self, hands: Hands, run: TickRun, influences: Influences, player: Player | None = None
+        self, hands: Hands, run: TickRun, influences: Influences, player: MotionPlayer | None = None
     ):
         self._hands, self._run, self._influences = hands, run, influences
         bounds = np.array([list(bound.values()) for bound in hands.coordinate_bounds()[1:]])
-        self.player = player or Player(bounds, run.tick)
+        self.player = player or MotionPlayer(bounds, run.tick)
         self.player.set_bounds(bounds)
         self.q_K: ConfigK = np.array(run.x.q_K)
 
-    def keep(self, before: Targets) -> None:
+    def copy_targets(self, earlier: Targets) -> None:
         """Takes over the earlier targets of all coordinates that exist in both puppets."""
-        old, new = (targets._hands.marionette.coordinates.q_K for targets in (before, self))
-        index = {name: i for i, name in enumerate(old)}
-        for i, name in enumerate(new):
-            if name in index:
-                self.q_K[i] = before.q_K[index[name]]
+        old_names, new_names = (
+            targets._hands.marionette.coordinates.q_K for targets in (earlier, self)
+        )
+        old_index = {name: i for i, name in enumerate(old_names)}
+        for i, name in enumerate(new_names):
+            if name in old_index:
+                self.q_K[i] = earlier.q_K[old_index[name]]
 
-    def check_free(self) -> None:
+    def check_no_law(self) -> None:
         """Raises StateError while a law moves the hands."""
         if self._influences.law is not None:
             raise StateError("a law moves the hands; they take no targets until set_hand_law(None)")
@@ -64,7 +66,7 @@ class Targets:
         if law is not None:
             acceleration = law.acceleration(x.replace(t=self._run.t))
             self.q_K = np.array(x.q_K)
-            return self._hands.bounded(x.v_K + self._run.tick * acceleration)
+            return self._hands.bounded_velocity(x.v_K + self._run.tick * acceleration)
         if player.is_idle:
             return self._hands.wanted_velocity(x, self.q_K, self._run.tick)
         velocity = self._hands.wanted_velocity(x, self.q_K, self._run.tick, player.step())
@@ -73,20 +75,20 @@ class Targets:
 
     # -- hands -------------------------------------------------------------------------------
 
-    def place(self, name: str) -> Place:
+    def place(self, name: str) -> HandlePose:
         """Position (3,) [m] and orientation (w, x, y, z) of a handle in the world."""
         return self._hands.place(name, self._run.x)
 
-    def target(self, name: str) -> Place:
+    def target(self, name: str) -> HandlePose:
         """Target of a handle, in the form of :meth:`place`."""
         return self._hands.place_at(name, self.q_K, self._run.x)
 
-    def aim(self, name: str) -> Place:
+    def aim(self, name: str) -> HandlePose:
         """Target of a handle plus the player's present offsets, in the form of :meth:`place`."""
-        aimed = self.q_K
+        q_K = self.q_K
         if not self.player.is_idle:
-            aimed = self._hands.moved(aimed, self.player.offsets().d)
-        return self._hands.place_at(name, aimed, self._run.x)
+            q_K = self._hands.with_offsets(q_K, self.player.offsets().d)
+        return self._hands.place_at(name, q_K, self._run.x)
 
     def move(self, name: str, position: Vec3 | None = None, wxyz: Quaternion | None = None) -> None:
         """Sets the target of a handle; components that its joint cannot reach are projected away.
@@ -103,7 +105,7 @@ class Targets:
             UnknownNameError: no handle has this name.
             StateError: a position or orientation is invalid, or a law moves the hands.
         """
-        self.check_free()
+        self.check_no_law()
         self.q_K = self._hands.configuration_at(self.q_K, name, position, wxyz, self._run.x)
 
     def wind(self, string: str, length: float) -> None:
@@ -113,7 +115,7 @@ class Targets:
             UnknownNameError: no string with a driven length has this name.
             StateError: the length is not a finite number, or a law moves the hands.
         """
-        self.check_free()
+        self.check_no_law()
         index = self._hands.length_index(string)
         if not np.isfinite(length):
             raise StateError(f"{string}: found {length}; a length is a finite number")
@@ -123,7 +125,7 @@ class Targets:
         """Present length of a driven string [m]."""
         return float(self._run.x.q_K[self._hands.length_index(string)])
 
-    def wanted_length(self, string: str) -> float:
+    def target_length(self, string: str) -> float:
         """Target length of a driven string [m]."""
         return float(self.q_K[self._hands.length_index(string)])
 
@@ -146,19 +148,19 @@ class Targets:
             gesture: gesture of this puppet.
             after: time after which it should begin, for instance on a beat [s]; it begins later if
                 the way to its start takes longer.
-            repeat: whether to repeat it, until :meth:`play_once`.
+            repeat: whether to repeat it, until :meth:`stop_repeating`.
 
         Raises:
             StateError: a law moves the hands.
             ValueError: the gesture is of another puppet.
         """
         self._check_puppet(gesture)
-        self.check_free()
+        self.check_no_law()
         player = self.player
-        on = None if after is None else player.t + after
-        return player.play(gesture, on=on, repeat=repeat) - player.t
+        wanted_start = None if after is None else player.t + after
+        return player.play(gesture, wanted_start=wanted_start, repeat=repeat) - player.t
 
-    def play_once(self, name: str) -> None:
+    def stop_repeating(self, name: str) -> None:
         """Ends the repetition of a gesture after the present round."""
         self.player.finish(name)
 
@@ -171,7 +173,7 @@ class Targets:
         Raises:
             StateError: a law moves the hands.
         """
-        self.check_free()
+        self.check_no_law()
         if self.player.is_away:
             self.player.play(Gesture.rest(self._hands.marionette, self._run.tick))
         else:
@@ -202,8 +204,8 @@ class Targets:
             ValueError: the score is of another puppet.
         """
         self._check_puppet(score.gesture)
-        motion = without(score.gesture, armed)
-        self.check_free()
+        motion = without_lanes(score.gesture, armed)
+        self.check_no_law()
         return self.player.play_score(score, motion)
 
     def stop_score(self) -> None:
@@ -217,9 +219,9 @@ class Targets:
             StateError: no score is played, or a law moves the hands.
             UnknownNameError: no lane has this name.
         """
-        places = places_of(self._hands.marionette.coordinates, lanes)
-        self.check_free()
-        self._played_score().leave(places.v)
+        masks = lane_masks(self._hands.marionette.coordinates, lanes)
+        self.check_no_law()
+        self._current_score().leave(masks.v)
 
     def lead_back(self, lanes: Collection[str], start: State) -> None:
         """Moves lanes from the hands' present positions back to the score's motion, within bounds.
@@ -233,23 +235,23 @@ class Targets:
             UnknownNameError: no lane has this name.
         """
         table, x = self._hands.marionette.coordinates, self._run.x
-        places = places_of(table, lanes)
-        self.check_free()
-        rate = np.array(x.v_K)
-        for _, w in table.quaternions_K:
-            rate[w : w + 3] = (
+        masks = lane_masks(table, lanes)
+        self.check_no_law()
+        rates = np.array(x.v_K)
+        for _, v_index in table.quaternions_K:
+            rates[v_index : v_index + 3] = (
                 0.0  # rotations begin at rest: v_K is not the rate of a rotation vector
             )
-        offset = self._hands.away(start.q_K, x.q_K)
-        self._played_score().lead_back(places.v, offset, rate)
-        self.q_K = np.where(places.q, start.q_K, self.q_K)
+        offset = self._hands.displacement(start.q_K, x.q_K)
+        self._current_score().lead_back(masks.v, offset, rates)
+        self.q_K = np.where(masks.q, start.q_K, self.q_K)
 
     # -- inside ------------------------------------------------------------------------------
 
     def _check_puppet(self, gesture: Gesture) -> None:
         check_same_puppet([self._hands.marionette.coordinates, gesture.coordinates])
 
-    def _played_score(self) -> ScoreVoice:
+    def _current_score(self) -> ScoreVoice:
         if self.player.score is None:
             raise StateError("no score is played: play_score begins one")
         return self.player.score
@@ -257,4 +259,4 @@ class Targets:
     def _add_to_targets(self, d: VecK) -> None:
         """Adds offsets to the targets."""
         if d.any():
-            self.q_K = self._hands.moved(self.q_K, d)
+            self.q_K = self._hands.with_offsets(self.q_K, d)

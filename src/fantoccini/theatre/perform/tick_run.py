@@ -9,7 +9,7 @@ from fantoccini.dynamics.marionette import Marionette
 from fantoccini.dynamics.steppers import Stepper
 from fantoccini.kernel.runtime import contact_points
 from fantoccini.motion import ContactPoints, State
-from fantoccini.theatre.perform import change
+from fantoccini.theatre.perform import state_transfer
 from fantoccini.theatre.perform.grip import HandLimiter
 from fantoccini.theatre.perform.hands import Hands
 
@@ -18,26 +18,32 @@ class TickRun:
     """Run of a puppet that hands move, tick by tick.
 
     Attributes:
-        performed: puppet as it is simulated, with its present winches.
+        marionette: puppet as it is simulated, with its present winches.
         tick: duration of a tick [s].
         stepper: present stepper; :meth:`restart` creates another one.
 
     Args:
-        performed: puppet with winches that slip at the grip.
+        marionette: puppet with winches that slip at the grip.
         hands: hands of the puppet.
         x: state; its time is that of the run's start.
         grip: largest tension of a string [N].
         tick: duration of a tick [s].
-        steps: number of time steps in a tick.
+        steps_per_tick: number of time steps in a tick.
     """
 
     def __init__(
-        self, performed: Marionette, hands: Hands, x: State, grip: float, tick: float, steps: int
+        self,
+        marionette: Marionette,
+        hands: Hands,
+        x: State,
+        grip: float,
+        tick: float,
+        steps_per_tick: int,
     ):
-        self.performed = performed
-        self.tick, self._hands, self._steps = tick, hands, steps
-        self._limiter = HandLimiter(performed, hands, grip)
-        self._since = x.t
+        self.marionette = marionette
+        self.tick, self._hands, self._steps_per_tick = tick, hands, steps_per_tick
+        self._limiter = HandLimiter(marionette, hands, grip)
+        self._start_time = x.t
         self.stepper = self._stepper_from(x)
 
     @property
@@ -48,20 +54,20 @@ class TickRun:
     @property
     def t(self) -> float:
         """Time of the run [s]."""
-        return self._since + self.stepper.state.t
+        return self._start_time + self.stepper.state.t
 
     @property
     def tension(self) -> Array:
         """(n_strings,) tensions [N]."""
-        return self.stepper.tension[: len(self.performed.tree.strings)].copy()
+        return self.stepper.tension[: len(self.marionette.tree.strings)].copy()
 
     @property
     def contact(self) -> ContactPoints | None:
         """Contact points at the end of the last tick; None for a puppet without contact."""
-        stepper, known = self.stepper, self.stepper.marionette.contacts
-        if known is None:
+        stepper, contacts = self.stepper, self.stepper.marionette.contacts
+        if contacts is None:
             return None
-        points = contact_points(stepper.contacts, known.names)
+        points = contact_points(stepper.contacts, contacts.names)
         return points.at(len(stepper.samples) - 1)
 
     def lagging(self) -> dict[str, list[str]]:
@@ -85,22 +91,27 @@ class TickRun:
 
     def restart(self, x: State) -> None:
         """Continues from a state, with a stepper that begins at t = 0."""
-        self._since = self.t
+        self._start_time = self.t
         self.stepper = self._stepper_from(x)
 
     def stop_hands(self) -> None:
         """Continues from the last accepted state with the hands at rest."""
-        still = self.x.replace(v_K=np.zeros_like(self.x.v_K))
-        for x in (change.permitted(self.performed, still), still.replace(v_D=0.0 * still.v_D)):
+        resting = self.x.replace(v_K=np.zeros_like(self.x.v_K))
+        for x in (
+            state_transfer.feasible_state(self.marionette, resting),
+            resting.replace(v_D=0.0 * resting.v_D),
+        ):
             self.restart(x)
             self.stepper.advance(self.tick, throw=False)
             if self.stepper.arrived:
                 return
         # If that fails too, the puppet stays where it is.
-        self.restart(still.replace(v_D=0.0 * still.v_D))
-        self._since += self.tick
+        self.restart(resting.replace(v_D=0.0 * resting.v_D))
+        self._start_time += self.tick
 
     def _stepper_from(self, x: State) -> Stepper:
-        marionette = self.performed
-        options = marionette.run_options(dt=self.tick / self._steps, save_every=self._steps)
+        marionette = self.marionette
+        options = marionette.run_options(
+            dt=self.tick / self._steps_per_tick, save_every=self._steps_per_tick
+        )
         return Stepper(marionette, x.replace(t=0.0), "timestepping", options)

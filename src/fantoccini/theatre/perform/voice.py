@@ -18,13 +18,13 @@ class Offsets(NamedTuple):
 
     Attributes:
         d, rate: (n_vK,) offsets [m or rad] and their rates [m/s or rad/s].
-        carried: (n_vK,) part of the offsets that shifts the origin of later gestures, as after a
-            walk.
+        origin_shift: (n_vK,) part of the offsets that shifts the origin of later gestures, as
+            after a walk.
     """
 
     d: VecK
     rate: VecK
-    carried: VecK
+    origin_shift: VecK
 
     @classmethod
     def none(cls, n: int) -> Offsets:
@@ -34,7 +34,7 @@ class Offsets(NamedTuple):
     @property
     def is_home(self) -> bool:
         """Whether they are at rest at the origin of gestures."""
-        return bool(np.all(np.abs(self.d - self.carried) <= SAME) and self.is_at_rest)
+        return bool(np.all(np.abs(self.d - self.origin_shift) <= SAME) and self.is_at_rest)
 
     @property
     def is_at_rest(self) -> bool:
@@ -56,8 +56,8 @@ class Voice:
         gesture: gesture to play.
         bounds: (2, n_vK) bounds of speeds and accelerations of transitions.
         begin: beginning of the transition [s].
-        before: offsets at that time.
-        on: wanted beginning of the gesture, if there is time [s].
+        offsets_before: offsets at that time.
+        wanted_start: wanted beginning of the gesture, if there is time [s].
         repeat: see above.
     """
 
@@ -66,23 +66,23 @@ class Voice:
         gesture: Gesture,
         bounds: Array,
         begin: float,
-        before: Offsets,
-        on: float | None = None,
+        offsets_before: Offsets,
+        wanted_start: float | None = None,
         repeat: bool = False,
     ):
         self.gesture, self.repeat, self._bounds = gesture, repeat, bounds
         self._cached: tuple[float, Offsets] | None = None
-        self._start(begin, before, on)
+        self._start(begin, offsets_before, wanted_start)
 
     def at(self, t: float) -> Offsets:
         """Offsets at a time [s], which must not be earlier than in previous calls."""
-        while t >= self._end and (self.repeat or not self._last.is_at_rest):
+        while t >= self._end and (self.repeat or not self._final_offsets.is_at_rest):
             self._continue()
         if t >= self._end:
-            return self._last
+            return self._final_offsets
         if self._cached is None or self._cached[0] != t:  # a tick begins where one has ended
             d, rate = at(self._breaks, self._coef, t - self._begin)
-            self._cached = t, Offsets(d, rate, self._carried)
+            self._cached = t, Offsets(d, rate, self._origin_shift)
         return self._cached[1]
 
     def time(self, t: float) -> float:
@@ -91,7 +91,7 @@ class Voice:
 
     def has_ended(self, t: float) -> bool:
         """Whether it has ended."""
-        return t >= self._end and not self.repeat and self._last.is_at_rest
+        return t >= self._end and not self.repeat and self._final_offsets.is_at_rest
 
     def set_bounds(self, bounds: Array) -> None:
         """Sets the bounds of later transitions."""
@@ -101,45 +101,53 @@ class Voice:
         """Ends with the present repetition."""
         self.repeat = False
 
-    def _start(self, begin: float, before: Offsets, on: float | None) -> None:
+    def _start(self, begin: float, offsets_before: Offsets, wanted_start: float | None) -> None:
         """Plays the gesture once, from offsets at a time [s]."""
-        wanted = on - begin if on is not None and before.is_at_rest else -np.inf
-        motion = returning_motion(self.gesture, before)
-        line, start, _ = line_from(before, self._bounds).add(motion, wanted)
+        delay = (
+            wanted_start - begin
+            if wanted_start is not None and offsets_before.is_at_rest
+            else -np.inf
+        )
+        motion = returning_motion(self.gesture, offsets_before)
+        line, start, _ = line_from(offsets_before, self._bounds).add(motion, delay)
         self.start_time = begin + start
-        self._set_line(line, begin, before)
+        self._set_line(line, begin, offsets_before)
 
     def _continue(self) -> None:
         """Repeats the gesture, or comes to rest."""
         if self.repeat:
-            self._start(self._end, self._last, None)
+            self._start(self._end, self._final_offsets, None)
             return
-        self._set_line(line_from(self._last, self._bounds).stopped(), self._end, self._last)
+        self._set_line(
+            line_from(self._final_offsets, self._bounds).stopped(), self._end, self._final_offsets
+        )
 
-    def _set_line(self, line: Line, begin: float, before: Offsets) -> None:
-        self._carried, self._cached = before.carried, None
+    def _set_line(self, line: Line, begin: float, offsets_before: Offsets) -> None:
+        self._origin_shift, self._cached = offsets_before.origin_shift, None
         self._begin, self._end = begin, begin + line.end
         self._breaks, self._coef = line.motion.breaks, line.motion.coef
-        self._last = Offsets(line.d, line.rate, line.carried)
+        self._final_offsets = Offsets(line.d, line.rate, line.carried)
 
 
-def line_from(before: Offsets, bounds: Array) -> Line:
+def line_from(offsets: Offsets, bounds: Array) -> Line:
     """Line that continues from offsets."""
-    return Line.empty(bounds, before.d, before.rate, before.carried)
+    return Line.empty(bounds, offsets.d, offsets.rate, offsets.origin_shift)
 
 
-def returning_motion(gesture: Gesture, before: Offsets) -> Motion:
+def returning_motion(gesture: Gesture, offsets: Offsets) -> Motion:
     """Motion of a gesture that also returns all other coordinates to the origin of gestures."""
-    away = (np.abs(before.d - before.carried) > SAME) | (np.abs(before.rate) > _MAX_REST_RATE)
-    return gesture.motion._replace(named=gesture.named | away)
+    is_away = (np.abs(offsets.d - offsets.origin_shift) > SAME) | (
+        np.abs(offsets.rate) > _MAX_REST_RATE
+    )
+    return gesture.motion._replace(named=gesture.named | is_away)
 
 
-def lead_time(gesture: Gesture, before: Offsets, bounds: Array) -> float:
+def lead_time(gesture: Gesture, offsets: Offsets, bounds: Array) -> float:
     """Duration of the transition from offsets to the start of a gesture [s]."""
-    return line_from(before, bounds).lead_time(returning_motion(gesture, before))
+    return line_from(offsets, bounds).lead_time(returning_motion(gesture, offsets))
 
 
-def fitted(gesture: Gesture, bounds: Array) -> Gesture:
+def slowed_to_bounds(gesture: Gesture, bounds: Array) -> Gesture:
     """The gesture, slowed down to keep bounds (2, n_vK) of speeds and accelerations."""
     speed, acceleration = (float(np.max(x)) for x in gesture.peaks / bounds)
     excess = max(speed, acceleration**0.5)

@@ -1,29 +1,29 @@
 """Plays: cues of players on a stage, compiled and verified."""
 
 from fantoccini.theatre.plays.compiling import load_play
-from fantoccini.theatre.plays.from_above import Overhead, overhead
 from fantoccini.theatre.plays.owner_clearances import OwnerClearance, clearances
 from fantoccini.theatre.plays.play import CueOfPlay, Play
 from fantoccini.theatre.plays.reading import check_play, play_names
 from fantoccini.theatre.plays.shots import Shot
-from fantoccini.theatre.plays.stage_run import together
+from fantoccini.theatre.plays.stage_plan import StagePlan, make_stage_plan
+from fantoccini.theatre.plays.stage_run import combine_runs
 from fantoccini.theatre.plays.touching import Touch
 from fantoccini.theatre.plays.verifying import CueTime, Verification, verify_play
 
 __all__ = [
     "CueOfPlay",
     "CueTime",
-    "Overhead",
     "OwnerClearance",
     "Play",
     "Shot",
+    "StagePlan",
     "Touch",
     "Verification",
     "check_play",
     "clearances",
+    "combine_runs",
     "load_play",
-    "overhead",
+    "make_stage_plan",
     "play_names",
-    "together",
     "verify_play",
 ]

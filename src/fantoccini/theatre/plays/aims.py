@@ -9,7 +9,7 @@ import numpy as np
 from fantoccini.base import Array
 from fantoccini.theatre.cast import Cast, Footing, Places
 from fantoccini.theatre.gestures import CannotBe, Turn
-from fantoccini.theatre.plays.on_stage import OnStage
+from fantoccini.theatre.plays.stage_state import StageState
 from fantoccini.theatre.script import PlayCue, Spot, TurnsToCue, WalkCue, spelled
 
 _EYE_HEIGHT = 0.42
@@ -28,26 +28,26 @@ class Aims:
     def __init__(self, cast: Cast, places: Places):
         self._cast, self._places = cast, places
 
-    def goals(self, stage: OnStage, turn: Turn[PlayCue], who: str) -> list[Footing]:
+    def goals(self, stage: StageState, turn: Turn[PlayCue], who: str) -> list[Footing]:
         """Goals of a walk in order: the places that it passes, and its own."""
-        entry, here = turn.given, stage.actors[who].last
+        entry, footing = turn.given, stage.actors[who].last_footing
         if isinstance(entry, TurnsToCue):
-            return [here.facing(self._heading(stage, entry.turns_to, here, turn, "turns to"))]
+            return [footing.facing(self._heading(stage, entry.turns_to, footing, turn, "turns to"))]
         assert isinstance(entry, WalkCue)
-        last = entry.verb_value
+        goal_value = entry.verb_value
         spots: list[Spot] = [(*turn.spot, "past", i) for i in range(len(entry.past))]
         spots.append((*turn.spot, spelled(entry.verb)))
-        places = [
+        targets = [
             self.place_of(stage, where, spot, turn.wanted)
-            for where, spot in zip((*entry.past, last), spots, strict=True)
+            for where, spot in zip((*entry.past, goal_value), spots, strict=True)
         ]
-        z = [here.place, *(complex(place[0], place[1]) for place in places)]
+        z = [footing.place, *(complex(place[0], place[1]) for place in targets)]
         goals = []
-        for before, goal, after in zip(z[:-1], z[1:], [*z[2:], z[-1]], strict=True):
-            direction = after - goal if after != goal else goal - before
-            heading = float(np.angle(direction)) if direction else here.heading
+        for previous, goal, following in zip(z[:-1], z[1:], [*z[2:], z[-1]], strict=True):
+            direction = following - goal if following != goal else goal - previous
+            heading = float(np.angle(direction)) if direction else footing.heading
             goals.append(Footing(goal.real, goal.imag, heading))
-        mark = self._cast.file.stage.marks.get(last) if isinstance(last, str) else None
+        mark = self._cast.file.stage.marks.get(goal_value) if isinstance(goal_value, str) else None
         facing = entry.facing
         if facing is None and mark is not None:
             facing = mark.facing
@@ -57,29 +57,34 @@ class Aims:
         return goals
 
     def _heading(
-        self, stage: OnStage, given: float | str, footing: Footing, turn: Turn[PlayCue], key: str
+        self,
+        stage: StageState,
+        direction_value: float | str,
+        footing: Footing,
+        turn: Turn[PlayCue],
+        key: str,
     ) -> float:
         """Heading of a direction, or towards something, at a footing [rad]."""
-        direction = self._places.direction(given, (*turn.spot, key))
+        direction = self._places.direction(direction_value, (*turn.spot, key))
         if not isinstance(direction, str):
             return direction
-        place = self.place_of(stage, direction, (*turn.spot, key), turn.wanted)
-        z = complex(place[0], place[1])
+        target = self.place_of(stage, direction, (*turn.spot, key), turn.wanted)
+        z = complex(target[0], target[1])
         return footing.towards(z) if abs(z - footing.place) > _SAME_PLACE else footing.heading
 
-    def place_of(self, stage: OnStage, where: object, spot: Spot, t: float) -> Array:
+    def place_of(self, stage: StageState, place: object, spot: Spot, t: float) -> Array:
         """(3,) place on the stage [m]; for a player, the place of its head at a time [s]."""
-        if not isinstance(where, str):
-            assert isinstance(where, Sequence)
-            numbers = [float(x) for x in where]
+        if not isinstance(place, str):
+            assert isinstance(place, Sequence)
+            numbers = [float(x) for x in place]
             return np.array([*numbers, _EYE_HEIGHT][:3])
-        if where in stage.actors:
-            other = stage.actors[where].footing_at(max(t, 0.0))
-            return np.array([other.x, other.y, _EYE_HEIGHT])
+        if place in stage.actors:
+            footing = stage.actors[place].footing_at(max(t, 0.0))
+            return np.array([footing.x, footing.y, _EYE_HEIGHT])
         marks = self._cast.file.stage.marks
-        if where in marks:
-            return np.array([*marks[where].at, 0.0], dtype=float)
-        still = self._places.midpoint(where)
-        if still is None:
-            raise CannotBe(f"nothing is called {where!r}")
-        return still
+        if place in marks:
+            return np.array([*marks[place].at, 0.0], dtype=float)
+        midpoint = self._places.midpoint(place)
+        if midpoint is None:
+            raise CannotBe(f"nothing is called {place!r}")
+        return midpoint

@@ -10,15 +10,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from fantoccini.theatre.cast import Actor, Corrections, Footing, Way
+from fantoccini.theatre.cast import Actor, Corrections, Footing, Walk
 from fantoccini.theatre.gestures import CannotBe, Gesture, Step, Turn
-from fantoccini.theatre.plays.calming import NONE, calm_gesture
-from fantoccini.theatre.plays.on_stage import OnStage, carry_pose, walked
+from fantoccini.theatre.plays.calming import NO_OFFSETS, calm_gesture
 from fantoccini.theatre.plays.player_gestures import PlayerGestures
-from fantoccini.theatre.plays.walks import Walks
+from fantoccini.theatre.plays.stage_state import StageState, after_walk, carry_pose
+from fantoccini.theatre.plays.walk_planner import WalkPlanner
 from fantoccini.theatre.script import PlayCue
 
-STEP, _STEP_TIME = 0.05, 1.0
+MAX_STEP, _STEP_TIME = 0.05, 1.0
 """Longest step up to a thing or away from it, for legs of 26.4 cm [m], and its duration [s]."""
 CALM_TIME = 0.3
 """Pause before a thing is handled [s]."""
@@ -35,26 +35,26 @@ class Approaching:
     """Steps towards props, seats and players, and away from them.
 
     Args:
-        walks, gestures: walks and gestures of the play.
+        planner, gestures: planner of walks, and gestures of the play.
         corrections: corrections from earlier rounds.
     """
 
-    def __init__(self, walks: Walks, gestures: PlayerGestures, corrections: Corrections):
-        self._walks, self._gestures, self._corrections = walks, gestures, corrections
+    def __init__(self, planner: WalkPlanner, gestures: PlayerGestures, corrections: Corrections):
+        self._planner, self._gestures, self._corrections = planner, gestures, corrections
 
     def approach(
         self,
-        stage: OnStage,
+        stage: StageState,
         who: str,
         stop: Footing,
         goal: Footing,
         begin: float,
-        wait: float,
+        max_wait: float,
         *,
         act_start: float,
         ignored: str = "",
-        step: float = STEP,
-    ) -> OnStage:
+        step: float = MAX_STEP,
+    ) -> StageState:
         """Stage after a walk to a stop, and straight steps from there to a goal.
 
         Args:
@@ -63,7 +63,7 @@ class Approaching:
             stop: footing at which the walk ends.
             goal: footing after the last steps.
             begin: earliest time [s].
-            wait: longest delay after it [s].
+            max_wait: longest delay after it [s].
             act_start: start of the act [s].
             ignored: player that may be near at the last steps.
             step: longest of the last steps, for legs of 26.4 cm [m].
@@ -71,41 +71,41 @@ class Approaching:
         Raises:
             CannotBe: the player has no way, or no room.
         """
-        carries = stage.carries(who)
-        actor = carry_pose(stage.actors[who].rested(), carries, begin, self._gestures)
-        stage, free = stage.with_actor(actor), max(actor.hands.lanes[0].end, begin)
+        carrying_side = stage.carries(who)
+        actor = carry_pose(stage.actors[who].rested(), carrying_side, begin, self._gestures)
+        stage, free_time = stage.with_actor(actor), max(actor.hands.lanes[0].end, begin)
         if (
-            abs(actor.last.place - stop.place) > _PLACE_TOLERANCE
-            or actor.last.heading != stop.heading
+            abs(actor.last_footing.place - stop.place) > _PLACE_TOLERANCE
+            or actor.last_footing.heading != stop.heading
         ):
-            way, reason = self._walks.way(
+            walk, reason = self._planner.plan(
                 actor.player,
-                actor.last,
+                actor.last_footing,
                 [stop],
-                free,
-                wait,
+                free_time,
+                max_wait,
                 [(other.player, other.track()) for other in stage.others(who)],
-                near=0.0,
-                arrives=None,
-                free_from=free,
-                carries=bool(carries),
+                max_goal_distance=0.0,
+                arrival_time=None,
+                free_time=free_time,
+                is_carrying=bool(carrying_side),
                 act_start=act_start,
             )
-            if way is None:
+            if walk is None:
                 raise CannotBe(reason)
-            stage, free = self._walk(stage, actor, way), way.end
-        return self.step_straight(stage, who, goal, free, ignored=ignored, step=step)
+            stage, free_time = self._walk(stage, actor, walk), walk.end
+        return self.step_straight(stage, who, goal, free_time, ignored=ignored, step=step)
 
     def step_straight(
         self,
-        stage: OnStage,
+        stage: StageState,
         who: str,
         goal: Footing,
         begin: float,
         *,
         ignored: str = "",
-        step: float = STEP,
-    ) -> OnStage:
+        step: float = MAX_STEP,
+    ) -> StageState:
         """Stage after straight steps, forward or backward, that pass no other player.
 
         Args:
@@ -116,43 +116,47 @@ class Approaching:
             CannotBe: somebody is in the way, or the player's hands would leave their space.
         """
         actor = stage.actors[who]
-        distance = actor.last.seen(goal.place).real
+        distance = actor.last_footing.seen(goal.place).real
         n = max(1, int(np.ceil(abs(distance) / (step * actor.player.leg_ratio))))
-        way = Way(actor.last, begin, (Step(distance / n),) * n, _STEP_TIME)
-        others = [(other.player, other.track()) for other in stage.others(who, ignored)]
-        blocking = self._walks.in_the_way(actor.player, way, others)
-        if blocking is not None:
-            raise CannotBe(f"{who} has no room: {blocking} is in the way")
-        if not self._walks.is_inside(actor.player, goal):
+        walk = Walk(actor.last_footing, begin, (Step(distance / n),) * n, _STEP_TIME)
+        tracks = [(other.player, other.track()) for other in stage.others(who, ignored)]
+        blocking_player = self._planner.in_the_way(actor.player, walk, tracks)
+        if blocking_player is not None:
+            raise CannotBe(f"{who} has no room: {blocking_player} is in the way")
+        if not self._planner.is_inside(actor.player, goal):
             raise CannotBe(f"{who}'s hands would leave their space")
-        return self._walk(stage, actor, way)
+        return self._walk(stage, actor, walk)
 
-    def _walk(self, stage: OnStage, actor: Actor, way: Way) -> OnStage:
-        carries = stage.carries(actor.player.name)
-        actor, gesture = walked(actor, way, self._gestures, carries)
-        return stage.with_part(actor, 0, gesture, way.begin, {}, way.end)
+    def _walk(self, stage: StageState, actor: Actor, walk: Walk) -> StageState:
+        carrying_side = stage.carries(actor.player.name)
+        actor, gesture = after_walk(actor, walk, self._gestures, carrying_side)
+        return stage.with_part(actor, 0, gesture, walk.begin, {}, walk.end)
 
     def perform(
-        self, stage: OnStage, who: str, gesture: Gesture, earliest: float
-    ) -> tuple[OnStage, float]:
+        self, stage: StageState, who: str, gesture: Gesture, earliest: float
+    ) -> tuple[StageState, float]:
         """Stage after a gesture that begins at a time or later, and its end [s]."""
         actor = stage.actors[who]
-        turned = actor.player.turned(gesture, actor.last.heading)
-        hands, start = actor.hands.add_busy(0, turned, earliest)
-        stage = stage.with_part(replace(actor, hands=hands), 0, turned, start)
-        return stage, start + turned.duration
+        turned_gesture = actor.player.turned(gesture, actor.last_footing.heading)
+        hands, start = actor.hands.add_busy(0, turned_gesture, earliest)
+        stage = stage.with_part(replace(actor, hands=hands), 0, turned_gesture, start)
+        return stage, start + turned_gesture.duration
 
     def calm(
-        self, stage: OnStage, turn: Turn[PlayCue], begin: float, *names: str
-    ) -> tuple[OnStage, float]:
+        self, stage: StageState, turn: Turn[PlayCue], begin: float, *names: str
+    ) -> tuple[StageState, float]:
         """Stage after motions that damp swing, and the time at which the action can begin [s]."""
         for name in names:
             actor, key = stage.actors[name], (turn.spot, name)
-            gesture = calm_gesture(actor.player.marionette, self._corrections.calms.get(key, NONE))
+            gesture = calm_gesture(
+                actor.player.marionette, self._corrections.damping_offsets.get(key, NO_OFFSETS)
+            )
             lane, start = actor.hands.free_lane(gesture, begin)
             hands, start = actor.hands.add_busy(lane, gesture, start)
             actor = replace(actor, hands=hands)
-            stage = replace(stage.with_actor(actor), calmed={**stage.calmed, key: start})
+            stage = replace(
+                stage.with_actor(actor), damping_times={**stage.damping_times, key: start}
+            )
         for name in names:
             stage = stage.with_actor(stage.actors[name].rested())
         return stage, max(stage.actors[name].hands.end for name in names) + CALM_TIME
@@ -167,7 +171,7 @@ class Approaching:
         """
         for distance in np.arange(min_distance, _MAX_DISTANCE, 0.02):
             candidate = Footing(*place_ahead(footing, side * float(distance)), footing.heading)
-            if self._walks.is_clear(actor.player, candidate):
+            if self._planner.is_clear(actor.player, candidate):
                 return candidate
         raise CannotBe(f"{actor.player.name} has no room to step up to it")
 
@@ -175,15 +179,15 @@ class Approaching:
         self, footing: Footing, actor: Actor, other_footing: Footing, other: Actor
     ) -> Footing:
         """Nearest footing behind an actor's one at which two actors are clear of each other."""
-        distance = self._walks.clearance(actor.player) + self._walks.clearance(other.player)
+        distance = self._planner.clearance(actor.player) + self._planner.clearance(other.player)
         distance += _GAP * max(actor.player.leg_ratio, other.player.leg_ratio)
         steps_back = 0.01 * np.arange(int(100 * 2.0 * distance) + 1)
         places = footing.place - steps_back * np.exp(1j * footing.heading)
-        z = places[int(np.argmax(np.abs(places - other_footing.place) >= distance))]
-        return Footing(float(z.real), float(z.imag), footing.heading)
+        place = places[int(np.argmax(np.abs(places - other_footing.place) >= distance))]
+        return Footing(float(place.real), float(place.imag), footing.heading)
 
 
 def place_ahead(footing: Footing, distance: float) -> tuple[float, float]:
     """(x, y) of the place at a distance ahead of a footing [m]."""
-    z = footing.place + distance * np.exp(1j * footing.heading)
-    return float(z.real), float(z.imag)
+    place = footing.place + distance * np.exp(1j * footing.heading)
+    return float(place.real), float(place.imag)

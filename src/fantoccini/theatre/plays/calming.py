@@ -20,7 +20,7 @@ DURATION = 2.4
 """Duration of the motion [s]."""
 _KNOTS = np.array([0.2, 0.4, 0.6, 0.8]) * DURATION
 """Times at which the hands' offsets are a_k [s]."""
-_MEASURED_TIME = 1.6
+_MEASUREMENT_TIME = 1.6
 """Time after the motion in which swing is measured [s]."""
 _TIME_STEP = 0.004
 """Time step of the rollouts [s]."""
@@ -32,7 +32,7 @@ _OFFSET_WEIGHT = 0.02
 """Cost of an offset of the hands, relative to the speed that it removes [1/s]."""
 _ITERATIONS = 2
 """Number of least-squares steps."""
-NONE = (0.0,) * (2 * len(_KNOTS))
+NO_OFFSETS = (0.0,) * (2 * len(_KNOTS))
 """Offsets of hands that do not move [m]."""
 
 
@@ -43,17 +43,17 @@ def calm_gesture(marionette: Marionette, offsets: tuple[float, ...]) -> Gesture:
         marionette: puppet in a scene of its own.
         offsets: offsets at the knots, along x, then along y [m].
     """
-    moves: dict[str, list[tuple[float, float]]] = {}
+    waypoints: dict[str, list[tuple[float, float]]] = {}
     for name in marionette.coordinates.q_K:
         axis = "xy".find(name[-1]) if name[-2:] in (".x", ".y") else -1
         if axis >= 0:
             axis_offsets = np.reshape(offsets, (2, -1))[axis]
             points = zip(_KNOTS.tolist(), axis_offsets.tolist(), strict=True)
-            moves[name] = [(0.0, 0.0), *points, (DURATION, 0.0)]
-    return Gesture.of(marionette, moves, name="calm")
+            waypoints[name] = [(0.0, 0.0), *points, (DURATION, 0.0)]
+    return Gesture.of(marionette, waypoints, name="calm")
 
 
-def calming(marionette: Marionette, x: State) -> tuple[float, ...]:
+def calming_offsets(marionette: Marionette, x: State) -> tuple[float, ...]:
     """Offsets of :func:`calm_gesture` after which the trunk of a puppet swings least.
 
     They are 0 if a run of the search stops; the play's own run shows whether it stops, too.
@@ -65,40 +65,40 @@ def calming(marionette: Marionette, x: State) -> tuple[float, ...]:
     try:
         return _least_swing(marionette, x)
     except SimulationError:
-        return NONE
+        return NO_OFFSETS
 
 
 def _least_swing(marionette: Marionette, x: State) -> tuple[float, ...]:
     """Offsets with the least swing [m]; none if they do not reduce it."""
-    offsets = np.array(NONE)
+    offsets = np.array(NO_OFFSETS)
     for _ in range(_ITERATIONS):
-        base = _speeds(marionette, x, offsets)
+        speeds = _speeds(marionette, x, offsets)
         columns = [
-            (_speeds(marionette, x, offsets + _DIFFERENCE_STEP * unit) - base) / _DIFFERENCE_STEP
+            (_speeds(marionette, x, offsets + _DIFFERENCE_STEP * unit) - speeds) / _DIFFERENCE_STEP
             for unit in np.eye(len(offsets))
         ]
-        weight = _OFFSET_WEIGHT * np.sqrt(len(base))
+        weight = _OFFSET_WEIGHT * np.sqrt(len(speeds))
         A = np.vstack([np.stack(columns, axis=1), weight * np.eye(len(offsets))])
-        b = np.concatenate([base, weight * offsets])
+        b = np.concatenate([speeds, weight * offsets])
         offsets = np.clip(offsets - np.linalg.lstsq(A, b, rcond=None)[0], -_MAX_OFFSET, _MAX_OFFSET)
-    before = np.linalg.norm(_speeds(marionette, x, np.array(NONE)))
-    if np.linalg.norm(_speeds(marionette, x, offsets)) >= before:
-        return NONE
+    usual_swing = np.linalg.norm(_speeds(marionette, x, np.array(NO_OFFSETS)))
+    if np.linalg.norm(_speeds(marionette, x, offsets)) >= usual_swing:
+        return NO_OFFSETS
     return tuple(float(offset) for offset in np.round(offsets, 6))
 
 
 def _speeds(marionette: Marionette, x: State, offsets: Array) -> Array:
     """Speeds of the trunk after the motion, concatenated [m/s]."""
     gesture = calm_gesture(marionette, tuple(offsets.tolist()))
-    n = int(np.ceil((DURATION + _MEASURED_TIME) / _TIME_STEP))
+    n = int(np.ceil((DURATION + _MEASUREMENT_TIME) / _TIME_STEP))
     t = np.minimum(_TIME_STEP * np.arange(n + 1), DURATION)
-    i = np.clip(np.searchsorted(gesture.breaks, t, side="right") - 1, 0, len(gesture.coef) - 1)
-    _, rates, _ = polynomial.evaluate(gesture.coef[i], (t - gesture.breaks[i])[:, None])
+    piece = np.clip(np.searchsorted(gesture.breaks, t, side="right") - 1, 0, len(gesture.coef) - 1)
+    _, rates, _ = polynomial.evaluate(gesture.coef[piece], (t - gesture.breaks[piece])[:, None])
     rates[t >= DURATION] = 0.0
     rollout = marionette.rollout(
         x.replace(t=0.0), np.diff(rates, axis=0) / _TIME_STEP, dt=_TIME_STEP
     )
     table = marionette.coordinates
-    trunk = [v for _, v in table.scalars_D if table.v_D[v].endswith((".x", ".y"))]
-    after = _TIME_STEP * np.arange(n + 1) >= DURATION
-    return np.array(rollout.v_D[after][:, trunk]).ravel()
+    trunk_indices = [v for _, v in table.scalars_D if table.v_D[v].endswith((".x", ".y"))]
+    is_after = _TIME_STEP * np.arange(n + 1) >= DURATION
+    return np.array(rollout.v_D[is_after][:, trunk_indices]).ravel()

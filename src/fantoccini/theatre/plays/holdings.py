@@ -24,13 +24,13 @@ class Hanging:
 
     Attributes:
         player, side: player and side of the forearm.
-        since: time from which it hangs there [s].
+        begin: time from which it hangs there [s].
         cue: cue that brought it there; None from the start on.
     """
 
     player: str
     side: str
-    since: float
+    begin: float
     cue: Spot | None = None
 
     def meeting(self, bodies: ContactBodies, prop: str, until: float) -> Meeting:
@@ -38,7 +38,7 @@ class Hanging:
         pairs: frozenset[Pair] = standing_pairs(prop, FLOOR) | {
             hanging_pair(bodies, self.side, prop)
         }
-        return Meeting(self.since, until, (self.player,), (prop,), pairs, "hangs", self.cue)
+        return Meeting(self.begin, until, (self.player,), (prop,), pairs, "hangs", self.cue)
 
 
 @dataclass(frozen=True)
@@ -46,13 +46,13 @@ class Standing:
     """A prop that stands on the floor or an obstacle.
 
     Attributes:
-        place: its place, and the direction of its x axis.
-        height: height of its bottom [m].
+        footing: its place, and the direction of its x axis.
+        bottom_height: height of its bottom [m].
         on: name of the obstacle or the floor.
     """
 
-    place: Footing
-    height: float
+    footing: Footing
+    bottom_height: float
     on: str
 
 
@@ -62,33 +62,35 @@ class Seated:
 
     Attributes:
         seat: name of the seat.
-        on_prop: whether the seat is a prop.
-        since: time from which it steps back to the seat [s].
-        down: time from which it sits [s].
+        is_on_prop: whether the seat is a prop.
+        approach_start: time from which it steps back to the seat [s].
+        sit_time: time from which it sits [s].
         cue: cue by which it sat down.
-        up: gesture of standing up.
-        ahead: footing from which it stepped back.
+        rise_gesture: gesture of standing up.
+        stand_footing: footing from which it stepped back.
     """
 
     seat: str
-    on_prop: bool
-    since: float
-    down: float
+    is_on_prop: bool
+    approach_start: float
+    sit_time: float
     cue: Spot
-    up: Gesture
-    ahead: Footing
+    rise_gesture: Gesture
+    stand_footing: Footing
 
-    def meeting(self, bodies: ContactBodies, up: float, until: float) -> Meeting:
+    def meeting(self, bodies: ContactBodies, rise_start: float, end: float) -> Meeting:
         """Meeting of the player with these bodies and the seat.
 
         Args:
             bodies: bodies of the player.
-            up: time at which it begins to stand up [s].
-            until: end of the meeting [s].
+            rise_start: time at which it begins to stand up [s].
+            end: end of the meeting [s].
         """
         pairs = sitting_pairs(bodies, self.seat)
-        if self.on_prop:
+        if self.is_on_prop:
             pairs |= standing_pairs(self.seat, FLOOR)
-        props = (self.seat,) if self.on_prop else ()
-        bears, who = (self.down, up), (bodies.player,)
-        return Meeting(self.since, until, who, props, pairs, "sits", self.cue, bears)
+        props = (self.seat,) if self.is_on_prop else ()
+        bearing_interval, who = (self.sit_time, rise_start), (bodies.player,)
+        return Meeting(
+            self.approach_start, end, who, props, pairs, "sits", self.cue, bearing_interval
+        )

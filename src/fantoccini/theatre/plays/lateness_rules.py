@@ -11,7 +11,7 @@ from fantoccini.motion import Trajectory
 from fantoccini.theatre.cast import lane_name
 from fantoccini.theatre.gestures import Placed, Played, Score, lateness
 from fantoccini.theatre.plays.placing import IN_TIME
-from fantoccini.theatre.plays.rounds import Results, Round, Rule, Stage
+from fantoccini.theatre.plays.rounds import CompileContext, Results, Round, RuleResult
 from fantoccini.theatre.script import PlayCue, Spot, walks
 
 _GOOD_LATENESS = 0.25 * IN_TIME
@@ -22,47 +22,49 @@ _MAX_LEAD = 0.6
 """Longest time by which hands lead limbs [s]."""
 
 
-def mark_lateness(stage: Stage, this_round: Round) -> dict[tuple[Spot, str], float]:
+def mark_lateness(context: CompileContext, this_round: Round) -> dict[tuple[Spot, str], float]:
     """Cue and player -> lateness of the limb on the mark in `on` [s]."""
     return {
-        (cue.spot, name): late
+        (cue.spot, name): lateness_of_cue
         for name, run in this_round.runs.players.items()
-        for late, cue in _limb_lateness(stage, name, run, this_round)
+        for lateness_of_cue, cue in _limb_lateness(context, name, run, this_round)
     }
 
 
-def advance_hands(results: Results, late: Mapping[tuple[Spot, str], float]) -> Rule:
+def advance_hands(
+    results: Results, lateness_by_cue: Mapping[tuple[Spot, str], float]
+) -> RuleResult:
     """Makes hands begin earlier whose limbs are late on the marks of their cues."""
-    changed = False
-    for key, seconds in late.items():
-        tried = results.hand_tries.get(key, 0)
-        if abs(seconds) < _GOOD_LATENESS or tried >= _MAX_TRIES:
+    has_changed = False
+    for key, seconds in lateness_by_cue.items():
+        n_tries = results.hand_tries.get(key, 0)
+        if abs(seconds) < _GOOD_LATENESS or n_tries >= _MAX_TRIES:
             continue
-        before = results.corrections.earlier.get(key, 0.0)
-        after = float(np.clip(before + seconds, -_MAX_LEAD, _MAX_LEAD))
-        corrections = results.corrections.setting("earlier", key, after)
+        old_lead = results.corrections.leads.get(key, 0.0)
+        new_lead = float(np.clip(old_lead + seconds, -_MAX_LEAD, _MAX_LEAD))
+        corrections = results.corrections.with_entry("leads", key, new_lead)
         results = replace(
-            results, corrections=corrections, hand_tries={**results.hand_tries, key: tried + 1}
+            results, corrections=corrections, hand_tries={**results.hand_tries, key: n_tries + 1}
         )
-        changed = changed or after != before
-    return results, changed
+        has_changed = has_changed or new_lead != old_lead
+    return results, has_changed
 
 
 def refuse_late(
-    results: Results, this_round: Round, late: Mapping[tuple[Spot, str], float]
-) -> Rule:
+    results: Results, this_round: Round, lateness_by_cue: Mapping[tuple[Spot, str], float]
+) -> RuleResult:
     """Refuses cues whose limbs miss their marks, however early the hands begin."""
-    before, of_spot = results, {placed.spot: placed for placed in this_round.placement.cues}
-    for (spot, name), seconds in late.items():
+    before, cue_of = results, {placed.spot: placed for placed in this_round.placement.cues}
+    for (spot, name), seconds in lateness_by_cue.items():
         if abs(seconds) > IN_TIME:
             side = "late" if seconds > 0.0 else "early"
             text = f"{name} would be {1e3 * abs(seconds):.0f} ms {side}, whenever its hands begin"
-            results = results.with_refusal(of_spot[spot], text) or results
+            results = results.with_refusal(cue_of[spot], text) or results
     return results, results is not before
 
 
 def _limb_lateness(
-    stage: Stage, name: str, run: Trajectory, this_round: Round
+    context: CompileContext, name: str, run: Trajectory, this_round: Round
 ) -> list[tuple[float, Placed[PlayCue]]]:
     """Lateness of a player's limbs on the marks in `on` [s], with the cues."""
     cue_of_played: dict[int, Placed[PlayCue]] = {}
@@ -70,30 +72,32 @@ def _limb_lateness(
     for cue in this_round.placement.cues:
         for part in cue.parts if cue.given.mark and not walks(cue.given) else ():
             if part.who == name:
-                lane, called = lane_name(part.who, part.lane), cue.cue.name
-                played.append(Played(lane, called, part.start, part.end, part.marks, called))
+                lane, name_of_cue = lane_name(part.who, part.lane), cue.cue.name
+                played.append(
+                    Played(lane, name_of_cue, part.start, part.end, part.marks, name_of_cue)
+                )
                 cue_of_played[id(played[-1])] = cue
     if not cue_of_played:
         return []
     score = Score(
-        stage.script.cast.players[name].marionette,
+        context.script.cast.players[name].marionette,
         this_round.placement.motions[name],
         tuple(played),
         {},
         (),
-        stage.beat,
-        lanes=this_round.placement.lanes[name],
+        context.beat,
+        lanes=this_round.placement.lane_motions[name],
     )
     seconds: dict[Spot, list[float]] = {}
-    for late in lateness(score, run):
-        cue = cue_of_played[id(late.cue)]
-        if late.mark == cue.given.mark:
-            seconds.setdefault(cue.spot, []).append(late.seconds)
+    for limb_lateness in lateness(score, run):
+        cue = cue_of_played[id(limb_lateness.cue)]
+        if limb_lateness.mark == cue.given.mark:
+            seconds.setdefault(cue.spot, []).append(limb_lateness.seconds)
     result = []
     for cue in cue_of_played.values():
         mean_lateness = float(np.mean(seconds.get(cue.spot, [0.0]))) + _hand_lateness(cue, name)
         # A delay within the cue's patience does not count.
-        patience = cue.given.patience * stage.beat
+        patience = cue.given.patience * context.beat
         result.append((mean_lateness - min(max(mean_lateness, 0.0), patience), cue))
     return result
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from fantoccini.motion import Trajectory
-from fantoccini.theatre.cast import Cast, needed_lengths, rounded_up
-from fantoccini.theatre.plays.rounds import Results, Round, Rule, Stage
-from fantoccini.theatre.plays.stage_run import SAMPLE, together
+from fantoccini.theatre.cast import Cast, needed_lengths, rounded_up_to_cm
+from fantoccini.theatre.plays.rounds import CompileContext, Results, Round, RuleResult
+from fantoccini.theatre.plays.stage_run import SAMPLE_INTERVAL, combine_runs
 from fantoccini.theatre.plays.touching import SAMPLE_STRIDE
 
 _WITHDRAWAL_TIME = 1.0
@@ -39,49 +39,53 @@ class Stretch:
         )
 
 
-def stretches(cast: Cast, run: Trajectory, every: int = SAMPLE_STRIDE) -> list[Stretch]:
+def find_stretches(cast: Cast, run: Trajectory, stride: int = SAMPLE_STRIDE) -> list[Stretch]:
     """Leashes that do not stay slack in a run of the stage, in order of time.
 
     Args:
         cast: cast of the play.
         run: run of the stage.
-        every: stride of the measured samples.
+        stride: stride of the measured samples.
     """
-    listed: list[Stretch] = []
+    stretches: list[Stretch] = []
     if not cast.file.leashes:
-        return listed
-    lengths = needed_lengths(cast.file, cast.whole, run.q_D[::every], run.q_K[::every])
-    for name, needed in lengths.items():
+        return stretches
+    lengths = needed_lengths(cast.file, cast.marionette, run.q_D[::stride], run.q_K[::stride])
+    for name, min_lengths in lengths.items():
         length = cast.file.leashes[name].length
-        if np.any(needed > length):
-            first = float(run.t[::every][int(np.argmax(needed > length))])
-            listed.append(Stretch(first, name, length, rounded_up(float(np.max(needed)))))
-    return sorted(listed, key=lambda stretch: stretch.t)
+        if np.any(min_lengths > length):
+            first = float(run.t[::stride][int(np.argmax(min_lengths > length))])
+            stretches.append(
+                Stretch(first, name, length, rounded_up_to_cm(float(np.max(min_lengths))))
+            )
+    return sorted(stretches, key=lambda stretch: stretch.t)
 
 
-def stretches_in(stage: Stage, this_round: Round) -> list[Stretch]:
+def stretches_in(context: CompileContext, this_round: Round) -> list[Stretch]:
     """Leashes that do not stay slack in a round, in order of time."""
-    cast = stage.script.cast
+    cast = context.script.cast
     if not cast.file.leashes:
         return []
-    return stretches(cast, together(cast, this_round.runs, SAMPLE_STRIDE * SAMPLE), every=1)
+    return find_stretches(
+        cast, combine_runs(cast, this_round.runs, SAMPLE_STRIDE * SAMPLE_INTERVAL), stride=1
+    )
 
 
-def refuse_stretched(stage: Stage, results: Results, this_round: Round) -> Rule:
+def refuse_stretched(context: CompileContext, results: Results, this_round: Round) -> RuleResult:
     """Refuses the first cue in which a leash would be stretched.
 
     The cue is that of the player whose end moves away, or else that of the other player.
     """
-    cast = stage.script.cast
+    cast = context.script.cast
     if not cast.file.leashes:
         return results, False
-    run = together(cast, this_round.runs, SAMPLE_STRIDE * SAMPLE)
-    for stretch in stretches(cast, run, every=1):
+    run = combine_runs(cast, this_round.runs, SAMPLE_STRIDE * SAMPLE_INTERVAL)
+    for stretch in find_stretches(cast, run, stride=1):
         for player in _by_withdrawal(cast, run, stretch):
             cue = this_round.cue_during(stretch.t, {player})
-            after = results.with_refusal(cue, f"{stretch} {this_round.in_words(stretch.t)}")
-            if after is not None:
-                return after, True
+            refused = results.with_refusal(cue, f"{stretch} {this_round.in_words(stretch.t)}")
+            if refused is not None:
+                return refused, True
     return results, False
 
 
@@ -89,8 +93,10 @@ def _by_withdrawal(cast: Cast, run: Trajectory, stretch: Stretch) -> list[str]:
     """Players of a leash; the one whose end moved farther away before a stretch comes first."""
     leash = cast.file.leashes[stretch.leash]
     rows = np.searchsorted(run.t, [max(stretch.t - _WITHDRAWAL_TIME, run.t[0]), stretch.t])
-    before, after = cast.whole.string_points(run.q_D[rows], run.q_K[rows])[stretch.leash]
-    along = after[1] - after[0]
-    holder, other = (after - before) @ along
+    ends_before, ends_after = cast.marionette.string_points(run.q_D[rows], run.q_K[rows])[
+        stretch.leash
+    ]
+    leash_vector = ends_after[1] - ends_after[0]
+    holder_motion, other_motion = (ends_after - ends_before) @ leash_vector
     players = [leash.held_by, leash.to]
-    return players if -holder > other else players[::-1]
+    return players if -holder_motion > other_motion else players[::-1]

@@ -21,21 +21,21 @@ class OwnerClearance:
 
     Attributes:
         owners: owners of the two bodies or strings.
-        what, other: names of the nearest two: bodies, ``string pierrot.head``, obstacles.
+        first, second: names of the nearest two: bodies, ``string pierrot.head``, obstacles.
         distance: distance between them [m]; below 0 they overlap.
         t: time of the least distance [s].
     """
 
     owners: tuple[str, str]
-    what: str
-    other: str
+    first: str
+    second: str
     distance: float
     t: float
 
     @property
-    def of_strings(self) -> bool:
+    def is_of_string(self) -> bool:
         """Whether one of the two is a string."""
-        return self.what.startswith("string ") or self.other.startswith("string ")
+        return self.first.startswith("string ") or self.second.startswith("string ")
 
 
 def clearances(cast: Cast, run: Trajectory) -> tuple[OwnerClearance, ...]:
@@ -48,7 +48,7 @@ def clearances(cast: Cast, run: Trajectory) -> tuple[OwnerClearance, ...]:
         cast: cast of the play.
         run: run of the stage, measured at every fourth sample, and in between as needed.
     """
-    path = Path.of(cast.whole, run, SAMPLE_STRIDE)
+    path = Path.of(cast.marionette, run, SAMPLE_STRIDE)
     bodies = _nearest(_body_clearances(cast, path))
     strings = _nearest(_string_clearances(cast, path))
     return (*bodies, *strings)
@@ -56,50 +56,56 @@ def clearances(cast: Cast, run: Trajectory) -> tuple[OwnerClearance, ...]:
 
 def _nearest(entries: Iterable[OwnerClearance]) -> list[OwnerClearance]:
     """The smallest distance of every two owners, in order of distance."""
-    by_owners: dict[frozenset[str], OwnerClearance] = {}
+    nearest_of_owners: dict[frozenset[str], OwnerClearance] = {}
     for entry in sorted(entries, key=lambda entry: entry.distance):
-        by_owners.setdefault(frozenset(entry.owners), entry)
-    return list(by_owners.values())
+        nearest_of_owners.setdefault(frozenset(entry.owners), entry)
+    return list(nearest_of_owners.values())
 
 
 def _body_clearances(cast: Cast, path: Path) -> Iterator[OwnerClearance]:
     """Least distance between the bodies of every two owners."""
-    whole = cast.whole
-    links = [link.name for link in whole.tree.links]
-    names = dict.fromkeys([*links, *(obstacle.name for obstacle in Clearance(whole).obstacles)])
+    marionette = cast.marionette
+    links = [link.name for link in marionette.tree.links]
+    names = dict.fromkeys(
+        [*links, *(obstacle.name for obstacle in Clearance(marionette).obstacles)]
+    )
     owner = {name: cast.owner(name) for name in names}
-    moving = {owner[name] for name in links}
+    moving_owners = {owner[name] for name in links}
     pairs = [frozenset(pair) for pair in combinations(names, 2)]
-    for a, b in combinations(dict.fromkeys(owner.values()), 2):
-        if not moving & {a, b}:
+    for first_owner, second_owner in combinations(dict.fromkeys(owner.values()), 2):
+        if not moving_owners & {first_owner, second_owner}:
             continue
-        not_measured = [pair for pair in pairs if {owner[name] for name in pair} != {a, b}]
-        clearance = Clearance(whole, strings=False, free=not_measured)
+        not_measured = [
+            pair for pair in pairs if {owner[name] for name in pair} != {first_owner, second_owner}
+        ]
+        clearance = Clearance(marionette, strings=False, free=not_measured)
         if clearance.measures_nothing:
             continue
         nearest = clearance.least(path)
         pair = clearance.pair_at(nearest.q_D, nearest.q_K)
-        yield OwnerClearance((a, b), pair.what, pair.other, nearest.distance, nearest.t)
+        yield OwnerClearance(
+            (first_owner, second_owner), pair.what, pair.other, nearest.distance, nearest.t
+        )
 
 
 def _string_clearances(cast: Cast, path: Path) -> Iterator[OwnerClearance]:
     """Distances of strings from strings and bodies of other players, and from obstacles."""
-    near = (
-        StringsApart(cast.whole, own=False)
+    approaches = (
+        StringsApart(cast.marionette, own=False)
         .motion(path.q_D, path.q_K, path.t)
         .nearest(MAX_STRING_DISTANCE)
     )
-    for pair in (*near.strings, *near.bodies):
+    for pair in (*approaches.strings, *approaches.bodies):
         if {pair.what, pair.other} & {*cast.file.leashes}:
             continue
         owners = cast.owner(pair.what), cast.owner(pair.other)
-        other = f"string {pair.other}" if pair in near.strings else pair.other
-        yield OwnerClearance(owners, f"string {pair.what}", other, pair.distance, pair.t)
-    for name, part in Clearance(cast.whole).parts().items():
+        second = f"string {pair.other}" if pair in approaches.strings else pair.other
+        yield OwnerClearance(owners, f"string {pair.what}", second, pair.distance, pair.t)
+    for name, part in Clearance(cast.marionette).parts().items():
         string = name.removeprefix("string ")
         if string == name or string in cast.file.leashes:
             continue
         nearest = part.least(path)
-        other = part.pair_at(nearest.q_D, nearest.q_K).other
-        owners = cast.owner(string), other
-        yield OwnerClearance(owners, name, other, nearest.distance, nearest.t)
+        second = part.pair_at(nearest.q_D, nearest.q_K).other
+        owners = cast.owner(string), second
+        yield OwnerClearance(owners, name, second, nearest.distance, nearest.t)

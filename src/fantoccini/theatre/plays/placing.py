@@ -13,14 +13,14 @@ import numpy as np
 
 from fantoccini.base import Array, StateError, UnknownNameError
 from fantoccini.theatre.cast import (
-    ERRORS,
+    SIMULATION_ERRORS,
     Actor,
     Cast,
     Corrections,
     Meeting,
     Places,
     Player,
-    Way,
+    Walk,
     act_time_in_words,
 )
 from fantoccini.theatre.gestures import (
@@ -38,9 +38,9 @@ from fantoccini.theatre.gestures import (
 )
 from fantoccini.theatre.plays.aims import Aims
 from fantoccini.theatre.plays.handling import Handling
-from fantoccini.theatre.plays.on_stage import OnStage, carry_pose, walked
 from fantoccini.theatre.plays.player_gestures import PlayerGestures
-from fantoccini.theatre.plays.walks import Walks
+from fantoccini.theatre.plays.stage_state import StageState, after_walk, carry_pose
+from fantoccini.theatre.plays.walk_planner import WalkPlanner
 from fantoccini.theatre.script import (
     ARRIVES,
     END,
@@ -63,11 +63,11 @@ from fantoccini.theatre.script import (
 
 IN_TIME = 1.0 / 60.0
 """Lateness up to which a cue counts as on time [s]."""
-_POLICY = Policy(IN_TIME, (CannotBe, UnknownNameError, *ERRORS))
+_LATENESS_POLICY = Policy(IN_TIME, (CannotBe, UnknownNameError, *SIMULATION_ERRORS))
 """Policy of plays: cues that are late or cannot be done are refused."""
 _MAX_TURN = 1e-3
 """Largest turn of a player during a gesture [rad]."""
-_SETTLING_TIME = 1.0
+_FINAL_SETTLING_TIME = 1.0
 """Time simulated after the last cue, in which the puppets stop swinging [s]."""
 
 
@@ -79,24 +79,24 @@ class Placement:
         cues: cues in the file's order.
         act_starts: start of every act [s].
         motions: player -> motion of its hands.
-        lanes: player -> lane -> motion of the lane.
-        starts: player -> times at which its cues begin [s].
-        ways: player -> its walks.
+        lane_motions: player -> lane -> motion of the lane.
+        cue_starts: player -> times at which its cues begin [s].
+        walks: player -> its walks.
         meetings: players and props that may touch, with times.
-        passes: cue -> cues of players that it passes, each with a note for the report.
-        calmed: (cue, player) -> time at which the hands begin to damp the player's swing [s].
+        pass_notes: cue -> cues of players that it passes, each with a note for the report.
+        damping_times: (cue, player) -> time at which the hands begin to damp its swing [s].
         moments: keys of a cue or a time of the file -> its moments [s].
     """
 
     cues: tuple[Placed[PlayCue], ...]
     act_starts: tuple[float, ...]
     motions: Mapping[str, Gesture]
-    lanes: Mapping[str, Mapping[str, Gesture]]
-    starts: Mapping[str, tuple[float, ...]]
-    ways: Mapping[str, tuple[Way, ...]]
+    lane_motions: Mapping[str, Mapping[str, Gesture]]
+    cue_starts: Mapping[str, tuple[float, ...]]
+    walks: Mapping[str, tuple[Walk, ...]]
     meetings: tuple[Meeting, ...]
-    passes: Mapping[Spot, tuple[tuple[Spot, str], ...]]
-    calmed: Mapping[tuple[Spot, str], float]
+    pass_notes: Mapping[Spot, tuple[tuple[Spot, str], ...]]
+    damping_times: Mapping[tuple[Spot, str], float]
     moments: Mapping[Spot, Moments]
 
 
@@ -105,14 +105,14 @@ def place_cues(
     timeline: Timeline[PlayCue],
     gestures: PlayerGestures,
     places: Places,
-    walks: Walks,
+    planner: WalkPlanner,
     corrections: Corrections,
     log: ScriptLog,
 ) -> Placement:
     """Placement of all cues of a play.
 
     Args:
-        cast, timeline, gestures, places, walks: parts of the play.
+        cast, timeline, gestures, places, planner: parts of the play.
         corrections: corrections from earlier rounds.
         log: collects mistakes; has the file and the length of a beat.
     """
@@ -123,38 +123,40 @@ def place_cues(
         )
         for name, player in cast.players.items()
     }
-    verbs = _Verbs(cast, timeline, gestures, places, walks, corrections, log)
-    performer = Performer(timeline, _POLICY, verbs.do, refused=corrections.refused)
-    play: Performed[PlayCue, OnStage] = Performed(OnStage.at_start(cast, actors))
-    starts, start = list[float](), 0.0
-    for act, act_file in enumerate(cast.file.acts):
-        start += act_file.after * log.beat
-        starts.append(start)
-        play = performer.act(play, act, start)
-        start = max([start, *(play.moments[cue.spot][END] for cue in timeline.of_act(act))])
-    stage = play.state
+    placer = _CuePlacer(cast, timeline, gestures, places, planner, corrections, log)
+    performer = Performer(timeline, _LATENESS_POLICY, placer.do, refused=corrections.refusals)
+    performed: Performed[PlayCue, StageState] = Performed(StageState.at_start(cast, actors))
+    act_starts, act_start = list[float](), 0.0
+    for act_index, act_file in enumerate(cast.file.acts):
+        act_start += act_file.after * log.beat
+        act_starts.append(act_start)
+        performed = performer.act(performed, act_index, act_start)
+        act_start = max(
+            [act_start, *(performed.moments[cue.spot][END] for cue in timeline.of_act(act_index))]
+        )
+    stage = performed.state
     actors = {name: actor.rested() for name, actor in stage.actors.items()}
-    end = max(start, *(actor.done for actor in actors.values())) + _SETTLING_TIME
-    cues = tuple(play.placed[cue.spot] for cue in timeline.cues)
+    end = max(act_start, *(actor.busy_until for actor in actors.values())) + _FINAL_SETTLING_TIME
+    cues = tuple(performed.placed[cue.spot] for cue in timeline.cues)
     motions_and_lanes = {name: actor.motion(end) for name, actor in actors.items()}
     return Placement(
         cues,
-        tuple(starts),
-        {name: whole for name, (whole, _) in motions_and_lanes.items()},
-        {name: lanes for name, (_, lanes) in motions_and_lanes.items()},
+        tuple(act_starts),
+        {name: motion for name, (motion, _) in motions_and_lanes.items()},
+        {name: lane_motions for name, (_, lane_motions) in motions_and_lanes.items()},
         {
             name: tuple(part.start for cue in cues for part in cue.parts if part.who == name)
             for name in actors
         },
-        {name: actor.ways for name, actor in actors.items()},
+        {name: actor.walks for name, actor in actors.items()},
         stage.meetings(end),
-        stage.passes,
-        stage.calmed,
-        play.moments,
+        stage.pass_notes,
+        stage.damping_times,
+        performed.moments,
     )
 
 
-class _Verbs:
+class _CuePlacer:
     """Carries out the verbs of cues: each method maps a state of the stage to the next."""
 
     def __init__(
@@ -163,16 +165,18 @@ class _Verbs:
         timeline: Timeline[PlayCue],
         gestures: PlayerGestures,
         places: Places,
-        walks: Walks,
+        planner: WalkPlanner,
         corrections: Corrections,
         log: ScriptLog,
     ):
-        self._timeline, self._gestures, self._walks = timeline, gestures, walks
+        self._timeline, self._gestures, self._planner = timeline, gestures, planner
         self._corrections, self._log = corrections, log
         self._aims = Aims(cast, places)
-        self._handling = Handling(cast, walks, gestures, corrections)
+        self._handling = Handling(cast, planner, gestures, corrections)
 
-    def do(self, stage: OnStage, turn: Turn[PlayCue]) -> tuple[OnStage, tuple[Part, ...], Moments]:
+    def do(
+        self, stage: StageState, turn: Turn[PlayCue]
+    ) -> tuple[StageState, tuple[Part, ...], Moments]:
         """Stage after a cue, the parts of its players, and its moments.
 
         Raises:
@@ -188,7 +192,7 @@ class _Verbs:
                 raise CannotBe(str(error)) from None
         return after, after.parts, moments
 
-    def _after(self, stage: OnStage, turn: Turn[PlayCue]) -> tuple[OnStage, Moments]:
+    def _after(self, stage: StageState, turn: Turn[PlayCue]) -> tuple[StageState, Moments]:
         """Stage after a cue, and the cue's moments."""
         if isinstance(turn.given, PropCue):
             return self._do_with_prop(stage, turn)
@@ -199,10 +203,10 @@ class _Verbs:
         }
         return stage, moments
 
-    def _do_alone(self, stage: OnStage, turn: Turn[PlayCue], name: str) -> OnStage:
+    def _do_alone(self, stage: StageState, turn: Turn[PlayCue], name: str) -> StageState:
         """Stage after the part of one player in a cue without a prop."""
         entry, t = turn.given, turn.wanted
-        if stage.actors[name].away and not isinstance(entry, EntersToCue):
+        if stage.actors[name].is_off_stage and not isinstance(entry, EntersToCue):
             raise CannotBe(f"{name} is off the stage")
         if walks(entry):
             return self._walk_or_pass(stage, turn, name)
@@ -212,10 +216,10 @@ class _Verbs:
 
     def _beginning(self, turn: Turn[PlayCue], name: str) -> tuple[float, float]:
         """Wanted beginning of a player's part, and the earliest one after its pause [s]."""
-        wanted = turn.wanted - self._corrections.earlier.get((turn.spot, name), 0.0)
+        wanted = turn.wanted - self._corrections.leads.get((turn.spot, name), 0.0)
         return wanted, wanted + self._corrections.pauses.get(turn.spot, 0.0)
 
-    def _walk_or_pass(self, stage: OnStage, turn: Turn[PlayCue], name: str) -> OnStage:
+    def _walk_or_pass(self, stage: StageState, turn: Turn[PlayCue], name: str) -> StageState:
         """Stage after a walk.
 
         If a player blocks it whose own next walk begins before this one ends, that player gives
@@ -225,65 +229,65 @@ class _Verbs:
         try:
             return self._walk(stage, turn, name)
         except CannotBe as error:
-            reason = error
+            first_error = error
         for later in self._next_walks(turn):
             (other,) = later.who
             try:
                 after = self._walk(stage, turn, name, absent=other)
-                if later.wanted > after.actors[name].done:
+                if later.wanted > after.actors[name].busy_until:
                     continue
-                way = self._walk(after, later, other).actors[other].ways[-1]
-                leaves = way.begin if way.steps else np.inf
+                next_walk = self._walk(after, later, other).actors[other].walks[-1]
+                leave_time = next_walk.begin if next_walk.steps else np.inf
             except CannotBe:
                 continue
-            actor, stands = after.actors[name], after.actors[other]
-            track = stands.player, stands.track()
-            if not self._walks.in_the_way(actor.player, actor.ways[-1], [track], leaves):
+            actor, other_actor = after.actors[name], after.actors[other]
+            track = other_actor.player, other_actor.track()
+            if not self._planner.in_the_way(actor.player, actor.walks[-1], [track], leave_time):
                 return after.with_pass(turn.spot, name, later.spot, other)
-        raise reason
+        raise first_error
 
     def _next_walks(self, turn: Turn[PlayCue]) -> Iterator[Turn[PlayCue]]:
         """Turns of the other players whose next cue in the act is a walk at a known time."""
-        seen = {*turn.who}
+        seen_players = {*turn.who}
         for cue in self._timeline.of_act(turn.cue.act):
-            if cue.spot in turn.moments or seen & {*cue.who}:
+            if cue.spot in turn.moments or seen_players & {*cue.who}:
                 continue
-            seen |= {*cue.who}
-            is_known = all(need in turn.moments for need in self._timeline.needs(cue))
+            seen_players |= {*cue.who}
+            is_known = all(reference in turn.moments for reference in self._timeline.needs(cue))
             if is_known and len(cue.who) == 1 and walks(cue.given):
                 t = self._timeline.wanted(cue, turn.start, turn.moments)
-                if cue.spot not in self._corrections.refused:
+                if cue.spot not in self._corrections.refusals:
                     yield replace(turn, cue=cue, wanted=t)
 
-    def _do_with_prop(self, stage: OnStage, turn: Turn[PlayCue]) -> tuple[OnStage, Moments]:
+    def _do_with_prop(self, stage: StageState, turn: Turn[PlayCue]) -> tuple[StageState, Moments]:
         """Stage after a cue with a prop, and its moments."""
         t = turn.wanted
         for name in turn.who:
-            if stage.actors[name].away:
+            if stage.actors[name].is_off_stage:
                 raise CannotBe(f"{name} is off the stage")
         begin = max(t + self._corrections.pauses.get(turn.spot, 0.0), turn.start)
-        wait = max((turn.given.may_wait or 0.0) * self._log.beat - (begin - t), 0.0)
-        stage, moments = self._handling.do(stage, turn, begin, wait)
+        max_wait = max((turn.given.may_wait or 0.0) * self._log.beat - (begin - t), 0.0)
+        stage, moments = self._handling.do(stage, turn, begin, max_wait)
         start = moments[START]
         self._check_time(turn, turn.who[-1], start - t, start)
         return stage, moments
 
     def _check_begin(self, turn: Turn[PlayCue]) -> None:
         """Refuses a cue whose time is before its act, or before a GO that its act waits for."""
-        t, start, go = turn.wanted, turn.start, self._timeline.gos.get(turn.spot)
+        t, start, go_cue = turn.wanted, turn.start, self._timeline.gos.get(turn.spot)
         if t < start - LATE:
             begins = self._in_words(turn, start)
-            early = self._log.duration_in_words(start - t)
-            raise CannotBe(f"its time is {early} before its act, which begins {begins}")
-        if go is not None and t < turn.moments[go.spot][START] - LATE:
-            line, go_time = self._log.located.line(go.spot), turn.moments[go.spot][START]
+            lead = self._log.duration_in_words(start - t)
+            raise CannotBe(f"its time is {lead} before its act, which begins {begins}")
+        if go_cue is not None and t < turn.moments[go_cue.spot][START] - LATE:
+            line, go_time = self._log.located.line(go_cue.spot), turn.moments[go_cue.spot][START]
             raise CannotBe(
                 f"its time is before the GO of line {line}, {self._in_words(turn, go_time)}"
             )
 
     def _act(
-        self, stage: OnStage, turn: Turn[PlayCue], name: str, wanted: float, earliest: float
-    ) -> OnStage:
+        self, stage: StageState, turn: Turn[PlayCue], name: str, wanted: float, earliest: float
+    ) -> StageState:
         """Stage after a gesture in a free lane, turned to the player's heading at that time.
 
         Args:
@@ -300,12 +304,12 @@ class _Verbs:
         if start > earliest + LATE:
             gesture = self._gesture(stage, turn, name, start)
         heading = actor.footing_at(start).heading
-        turned = abs(actor.footing_at(start + gesture.duration).heading - heading)
-        if turned > _MAX_TURN:
-            until = max(way.end for way in actor.ways)
+        turn_angle = abs(actor.footing_at(start + gesture.duration).heading - heading)
+        if turn_angle > _MAX_TURN:
+            last_walk_end = max(walk.end for walk in actor.walks)
             raise CannotBe(
-                f"{name} turns by {np.degrees(turned):.0f} deg meanwhile; the gesture "
-                f"can begin {self._in_words(turn, until)}"
+                f"{name} turns by {np.degrees(turn_angle):.0f} deg meanwhile; the gesture "
+                f"can begin {self._in_words(turn, last_walk_end)}"
             )
         hands, start = actor.hands.add_busy(lane, gesture, start)
         self._check_time(turn, name, start - wanted, start)
@@ -313,13 +317,13 @@ class _Verbs:
 
     def _walk(
         self,
-        stage: OnStage,
+        stage: StageState,
         turn: Turn[PlayCue],
         name: str,
         *,
         absent: str = "",
         not_before: float = -np.inf,
-    ) -> OnStage:
+    ) -> StageState:
         """Stage after a walk.
 
         Args:
@@ -336,56 +340,56 @@ class _Verbs:
         entry, actor = turn.given, stage.actors[name]
         actor = replace(actor, hands=actor.hands.rested(0))
         arrival = begin if entry.mark else None
-        carries = stage.carries(name)
+        carrying_side = stage.carries(name)
         earliest = turn.start if arrival is not None else begin
-        actor = carry_pose(actor, carries, earliest, self._gestures)
-        stage, free = stage.with_actor(actor), max(actor.hands.lanes[0].end, turn.start)
-        begin = max(begin, free)
-        wait = max((entry.may_wait or 0.0) * self._log.beat - (begin - wanted), 0.0)
-        way, reason = self._walks.way(
+        actor = carry_pose(actor, carrying_side, earliest, self._gestures)
+        stage, free_time = stage.with_actor(actor), max(actor.hands.lanes[0].end, turn.start)
+        begin = max(begin, free_time)
+        max_wait = max((entry.may_wait or 0.0) * self._log.beat - (begin - wanted), 0.0)
+        walk, reason = self._planner.plan(
             actor.player,
-            actor.last,
+            actor.last_footing,
             self._aims.goals(stage, turn, name),
             begin,
-            wait,
+            max_wait,
             [(other.player, other.track()) for other in stage.others(name, absent)],
-            near=entry.near if isinstance(entry, WalkCue) else 0.0,
-            arrives=arrival,
-            free_from=free,
-            carries=bool(carries),
+            max_goal_distance=entry.near if isinstance(entry, WalkCue) else 0.0,
+            arrival_time=arrival,
+            free_time=free_time,
+            is_carrying=bool(carrying_side),
             act_start=turn.start,
         )
-        if way is None:
+        if walk is None:
             raise CannotBe(reason)
-        n_standing = len(list(takewhile(lambda step: step.stands, way.steps)))
-        moves_off = way.begin + n_standing * way.step_time
+        n_standing = len(list(takewhile(lambda step: step.stands, walk.steps)))
+        move_time = walk.begin + n_standing * walk.step_time
         if arrival is not None:
-            self._check_time(turn, name, abs(way.end - turn.wanted), way.end)
+            self._check_time(turn, name, abs(walk.end - turn.wanted), walk.end)
         else:
-            self._check_time(turn, name, moves_off - wanted, moves_off)
-        until = self._end_of_gestures_in_turn(actor, way)
-        if until is not None:
-            self._check_time(turn, name, until - wanted, until)
+            self._check_time(turn, name, move_time - wanted, move_time)
+        gesture_end = self._end_of_gestures_in_turn(actor, walk)
+        if gesture_end is not None:
+            self._check_time(turn, name, gesture_end - wanted, gesture_end)
             if arrival is not None:
-                raise CannotBe(f"{name} is busy until {self._in_words(turn, until)[3:]}")
-            return self._walk(stage, turn, name, absent=absent, not_before=until)
-        actor, gesture = walked(actor, way, self._gestures, carries)
-        actor = replace(actor, away=isinstance(entry, ExitsToCue))
-        marks = {mark: t - (moves_off - way.begin) for mark, t in gesture.marks.items()}
-        marks[ARRIVES] = way.end - moves_off
-        return stage.with_part(actor, 0, gesture, moves_off, marks, way.end)
+                raise CannotBe(f"{name} is busy until {self._in_words(turn, gesture_end)[3:]}")
+            return self._walk(stage, turn, name, absent=absent, not_before=gesture_end)
+        actor, gesture = after_walk(actor, walk, self._gestures, carrying_side)
+        actor = replace(actor, is_off_stage=isinstance(entry, ExitsToCue))
+        marks = {mark: t - (move_time - walk.begin) for mark, t in gesture.marks.items()}
+        marks[ARRIVES] = walk.end - move_time
+        return stage.with_part(actor, 0, gesture, move_time, marks, walk.end)
 
-    def _end_of_gestures_in_turn(self, actor: Actor, way: Way) -> float | None:
+    def _end_of_gestures_in_turn(self, actor: Actor, walk: Walk) -> float | None:
         """Latest end of the gestures during which the walk would turn the player [s], or None."""
-        ends = []
+        end_times = []
         for gesture in actor.hands.busy:
-            since, until = max(gesture.start, way.begin), min(gesture.end, way.end)
-            if since < until - LATE:
-                _, heading = way.footing(np.linspace(since, until, 9))
-                turned = np.abs(heading - actor.footing_at(gesture.start).heading)
-                if np.max(turned) > _MAX_TURN:
-                    ends.append(gesture.end)
-        return max(ends, default=None)
+            begin, end = max(gesture.start, walk.begin), min(gesture.end, walk.end)
+            if begin < end - LATE:
+                _, heading = walk.footing(np.linspace(begin, end, 9))
+                turn_angles = np.abs(heading - actor.footing_at(gesture.start).heading)
+                if np.max(turn_angles) > _MAX_TURN:
+                    end_times.append(gesture.end)
+        return max(end_times, default=None)
 
     def _check_time(self, turn: Turn[PlayCue], name: str, delay: float, t: float) -> None:
         """Refuses a cue that would be late.
@@ -405,7 +409,7 @@ class _Verbs:
                 f"{beats:g}` allows it to be {beats:g} beats late"
             )
 
-        _POLICY.check(delay, turn.given.patience * beat, reason)
+        _LATENESS_POLICY.check(delay, turn.given.patience * beat, reason)
 
     def _in_words(self, turn: Turn[PlayCue], t: float) -> str:
         """Time in words, in beats of the cue's act."""
@@ -413,23 +417,23 @@ class _Verbs:
 
     # -- gestures ----------------------------------------------------------------------------
 
-    def _gesture(self, stage: OnStage, turn: Turn[PlayCue], name: str, t: float) -> Gesture:
+    def _gesture(self, stage: StageState, turn: Turn[PlayCue], name: str, t: float) -> Gesture:
         """Gesture of a player that begins at a time [s]."""
         entry, actor = turn.given, stage.actors[name]
-        player, stands = actor.player, actor.footing_at(t)
+        player, footing = actor.player, actor.footing_at(t)
         try:
             if isinstance(entry, DoesCue):
                 style = self._gestures.style(entry)
-                smaller = self._corrections.smaller.get(turn.spot, 1.0)
-                style = replace(style, larger=style.larger * smaller)
-                return self._gestures.gesture(player, entry, style, stands.heading)
-            cue_path, called = (*turn.spot, spelled(entry.verb)), VERBS[entry.verb].called
-            place = self._aims.place_of(stage, entry.verb_value, cue_path, t)
-            gesture = self._gestures.aimed(player, called, place, stands)
+                size_factor = self._corrections.size_factors.get(turn.spot, 1.0)
+                style = replace(style, larger=style.larger * size_factor)
+                return self._gestures.gesture(player, entry, style, footing.heading)
+            cue_path, gesture_name = (*turn.spot, spelled(entry.verb)), VERBS[entry.verb].called
+            target = self._aims.place_of(stage, entry.verb_value, cue_path, t)
+            gesture = self._gestures.aimed(player, gesture_name, target, footing)
             # Aim again from where player and target are when the gesture points.
             t_pointing = t + min(gesture.marks.values())
-            place = self._aims.place_of(stage, entry.verb_value, cue_path, t_pointing)
-            return self._gestures.aimed(player, called, place, actor.footing_at(t_pointing))
+            target = self._aims.place_of(stage, entry.verb_value, cue_path, t_pointing)
+            return self._gestures.aimed(player, gesture_name, target, actor.footing_at(t_pointing))
         except StateError as error:
             raise CannotBe(str(error)) from None
 

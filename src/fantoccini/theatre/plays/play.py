@@ -9,7 +9,7 @@ from fantoccini.base import Mistake, Times
 from fantoccini.base.documents import Located
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import Input, State
-from fantoccini.theatre.cast import Cast, Meeting, ResultCache, Way
+from fantoccini.theatre.cast import Cast, Meeting, ResultCache, Walk
 from fantoccini.theatre.gestures import Gesture, Score
 from fantoccini.theatre.plays.runs import Runs, runs_of
 from fantoccini.theatre.plays.shots import Shot
@@ -97,7 +97,7 @@ class Play:
         motions: player -> motion of its hands.
         starts: player -> times at which its cues begin [s].
         meetings: players and props that may touch, with times.
-        ways: player -> its walks.
+        walks: player -> its walks.
         settling_pauses: number of a cue -> its pause [s], and the trunk's speeds after it without
             the pause and with it [m/s].
         shots: shots of the film's camera, in order of time.
@@ -116,7 +116,7 @@ class Play:
     motions: Mapping[str, Gesture] = field(repr=False)
     starts: Mapping[str, tuple[float, ...]] = field(repr=False)
     meetings: tuple[Meeting, ...]
-    ways: Mapping[str, tuple[Way, ...]]
+    walks: Mapping[str, tuple[Walk, ...]]
     settling_pauses: Mapping[int, tuple[float, float, float]]
     shots: tuple[Shot, ...]
     rounds: int
@@ -132,7 +132,7 @@ class Play:
     @property
     def marionette(self) -> Marionette:
         """Scene of all players and props."""
-        return self.cast.whole
+        return self.cast.marionette
 
     @property
     def x0(self) -> State:
@@ -165,7 +165,7 @@ class Play:
         return tuple(cue for cue in self.cues if cue.refused and not cue.optional)
 
     @property
-    def lacking(self) -> tuple[Mistake, ...]:
+    def deviations(self) -> tuple[Mistake, ...]:
         """Deviations from the file, except optional cues that are left out."""
         left_out = {(cue.line, cue.change) for cue in self.cues if cue.refused and cue.optional}
         return tuple(
@@ -183,16 +183,16 @@ class Play:
     @property
     def counts(self) -> str:
         """Numbers of cues and remarks: ``9 of 10 cues can be done, 1 left out, 2 remarks``."""
-        done, n = sum(not cue.refused for cue in self.cues), len(self.cues)
-        n_left_out, remarks = n - done - len(self.refused), len(self.remarks)
-        text = f"{done} of {n} cue{'s' * (n != 1)} can be done"
+        n_done, n = sum(not cue.refused for cue in self.cues), len(self.cues)
+        n_left_out, remarks = n - n_done - len(self.refused), len(self.remarks)
+        text = f"{n_done} of {n} cue{'s' * (n != 1)} can be done"
         text += f", {n_left_out} left out" if n_left_out else ""
         return text + (f", {remarks} remark{'s' * (remarks != 1)}" if remarks else "")
 
     def when(self, t: Times | float) -> str:
         """Time in words: act, beat and second."""
         beat = self.score.beat
-        act = [name for name, start in self.acts.items() if start <= float(t) + 1e-9]
-        start = self.acts[act[-1]] if act else 0.0
-        within = f"{act[-1]}, " if act else ""
-        return f"{within}beat {(float(t) - start) / beat:.1f} ({float(t):.2f} s)"
+        begun_acts = [name for name, start in self.acts.items() if start <= float(t) + 1e-9]
+        start = self.acts[begun_acts[-1]] if begun_acts else 0.0
+        act_text = f"{begun_acts[-1]}, " if begun_acts else ""
+        return f"{act_text}beat {(float(t) - start) / beat:.1f} ({float(t):.2f} s)"

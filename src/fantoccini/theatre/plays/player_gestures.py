@@ -13,7 +13,7 @@ from fantoccini.base import Array, FileError, InputError, StateError, UnknownNam
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.theatre.capture import bundled_clip, clip_names
 from fantoccini.theatre.cast import (
-    CLIP_ENDING,
+    CLIP_SUFFIX,
     Cast,
     Clip,
     Footing,
@@ -69,61 +69,61 @@ class PlayerGestures:
 
     def __init__(self, cast: Cast, log: ScriptLog, cache: ResultCache):
         self.cast, self.cache, self._log = cast, cache, log
-        self._files: dict[tuple[Marionette, str], Gesture | Clip | str] = {}
+        self._loaded_files: dict[tuple[Marionette, str], Gesture | Clip | str] = {}
         self._cache: dict[tuple[Any, ...], Gesture | str] = {}
-        self._wrong: set[tuple[str, str]] = set()
+        self._reported: set[tuple[str, str]] = set()
 
-    def marks(self, given: PlayCue, spot: Spot) -> Iterable[str]:
+    def marks(self, entry: PlayCue, spot: Spot) -> Iterable[str]:
         """Marks of a cue's gesture; reads the files that it needs, for their mistakes."""
-        if not isinstance(given, DoesCue):
-            return VERBS[given.verb].marks
+        if not isinstance(entry, DoesCue):
+            return VERBS[entry.verb].marks
         marks: dict[str, None] = {}
-        for name in given.who:
+        for name in entry.who:
             player = self.cast.players.get(name)
             if name == "all":
                 player = next(iter(self.cast.players.values()))
             if player is None:
                 continue
-            gesture = self._read(player, given.does)
+            gesture = self._read(player, entry.does)
             if isinstance(gesture, str):
-                if (player.name, given.does) not in self._wrong:
+                if (player.name, entry.does) not in self._reported:
                     self._log.mistakes.add((*spot, "does"), gesture)
-                self._wrong.add((player.name, given.does))
+                self._reported.add((player.name, entry.does))
                 continue
-            repeated = _repeated_marks(gesture.marks, self.style(given).repeat)
+            repeated = _repeated_marks(gesture.marks, self.style(entry).repeat)
             marks.update(dict.fromkeys(repeated))
         return tuple(marks)
 
-    def style(self, given: DoesCue) -> Style:
+    def style(self, entry: DoesCue) -> Style:
         """Style of a cue."""
-        return Style.of(given, self._log.beat)
+        return Style.of(entry, self._log.beat)
 
-    def gesture(self, player: Player, given: DoesCue, style: Style, heading: float) -> Gesture:
+    def gesture(self, player: Player, entry: DoesCue, style: Style, heading: float) -> Gesture:
         """Gesture of `does` for a player with a heading [rad].
 
         Raises:
             StateError: it cannot be done in this style.
         """
-        key = (player.marionette, player.name, given.does, style, round(heading, 9))
+        key = (player.marionette, player.name, entry.does, style, round(heading, 9))
         if key not in self._cache:
-            self._cache[key] = self._styled(player, given, style, heading)
+            self._cache[key] = self._styled(player, entry, style, heading)
         return _or_raise(self._cache[key])
 
-    def aimed(self, player: Player, name: str, place: Array, stands: Footing) -> Gesture:
+    def aimed(self, player: Player, name: str, place: Array, footing: Footing) -> Gesture:
         """Look or pointing hand, by name, towards a place (3,) of the stage.
 
         Raises:
             StateError: no hanging pose is aimed at the place.
         """
-        target = player.in_own_frame(place, stands)
-        heading = stands.heading
+        target = player.in_own_frame(place, footing)
+        heading = footing.heading
         key = (name, player.marionette, player.name, *np.round(target, 6), round(heading, 9))
         if key not in self._cache:
-            to = target.tolist()
-            job = partial(load_gesture, player.marionette, name, player.rest_state, to=to)
+            target_list = target.tolist()
+            job = partial(load_gesture, player.marionette, name, player.rest_state, to=target_list)
             try:
                 gesture = self.cache.get(
-                    repr((player.content, "aimed", name, to)),
+                    repr((player.content_hash, "aimed", name, target_list)),
                     job,
                     gesture_format(player.marionette),
                 )
@@ -135,7 +135,11 @@ class PlayerGestures:
         return _or_raise(self._cache[key])
 
     def walk(
-        self, player: Player, walk_steps: tuple[Step, ...], step_time: float, carries: str = ""
+        self,
+        player: Player,
+        walk_steps: tuple[Step, ...],
+        step_time: float,
+        carrying_side: str = "",
     ) -> Gesture:
         """Steps of a player, with the heading of its file.
 
@@ -143,15 +147,15 @@ class PlayerGestures:
             player: player that walks.
             walk_steps: steps in order.
             step_time: duration of a step [s].
-            carries: side of the forearm on which something hangs.
+            carrying_side: side of the forearm on which something hangs.
 
         Raises:
             StateError: the puppet lacks a part that the gesture moves.
         """
-        key = (player.marionette, "walk", walk_steps, step_time, carries)
+        key = (player.marionette, "walk", walk_steps, step_time, carrying_side)
         if key not in self._cache:
-            if carries:
-                pose = self.pose(player, carries)
+            if carrying_side:
+                pose = self.pose(player, carrying_side)
                 gesture = prop_gestures.steps_carrying(
                     player.marionette, pose, player.rest_state, "", walk_steps, step_time
                 )
@@ -172,37 +176,37 @@ class PlayerGestures:
             self._cache[key] = prop_gestures.carry(player.marionette, "", side=side)
         return _or_raise(self._cache[key])
 
-    def reason_unable(self, player: Player, given: PlayCue) -> str:
+    def reason_unable(self, player: Player, entry: PlayCue) -> str:
         """Reason why a player can never do a cue, wherever it stands; "" if there is none.
 
         Nothing is simulated: clips, and targets to look and point at, are not tested.
         """
-        if isinstance(given, DoesCue):
-            if not isinstance(self._read(player, given.does), Gesture):
+        if isinstance(entry, DoesCue):
+            if not isinstance(self._read(player, entry.does), Gesture):
                 return ""
-            gesture = self._styled(player, given, self.style(given), player.start.heading)
+            gesture = self._styled(player, entry, self.style(entry), player.start.heading)
             return gesture if isinstance(gesture, str) else ""
         try:
-            if isinstance(given, LooksAtCue | PointsAtCue):
-                check_parts(player.marionette, player.rest_state, VERBS[given.verb].called)
+            if isinstance(entry, LooksAtCue | PointsAtCue):
+                check_parts(player.marionette, player.rest_state, VERBS[entry.verb].called)
             else:
                 player.ends()
         except (StateError, UnknownNameError) as error:
-            return f"{player.name} cannot do `{spelled(given.verb)}`: {error}"
+            return f"{player.name} cannot do `{spelled(entry.verb)}`: {error}"
         return ""
 
     def _read(self, player: Player, name: str) -> Gesture | Clip | str:
         """Gesture of a file, a take, a clip or a bundled gesture; after a mistake its text."""
         key = (player.marionette, name)
-        if key not in self._files:
-            self._files[key] = self._loaded(player, name)
-        return self._files[key]
+        if key not in self._loaded_files:
+            self._loaded_files[key] = self._loaded(player, name)
+        return self._loaded_files[key]
 
     def _loaded(self, player: Player, name: str) -> Gesture | Clip | str:
         """Result of :meth:`_read`, without the cache."""
-        known = (*gesture_names(), *clip_names())
+        known_names = (*gesture_names(), *clip_names())
         try:
-            path = gesture_beside(self._log.located, name, known, (CLIP_ENDING,))
+            path = gesture_beside(self._log.located, name, known_names, (CLIP_SUFFIX,))
         except StateError as error:
             return str(error)
         if path is None and name in gesture_names():
@@ -214,7 +218,7 @@ class PlayerGestures:
             path = bundled_clip(name)
         if path is None:
             text = f"no file beside this one, and no bundled gesture or clip, is called {name!r}"
-            return text + nearest(name, sorted({*known} - {*COMPUTED_GESTURES}))
+            return text + nearest(name, sorted({*known_names} - {*COMPUTED_GESTURES}))
         try:
             if is_clip(path):
                 return read_clip(player, path)
@@ -225,10 +229,10 @@ class PlayerGestures:
             return str(error)
 
     def _styled(
-        self, player: Player, given: DoesCue, style: Style, heading: float
+        self, player: Player, entry: DoesCue, style: Style, heading: float
     ) -> Gesture | str:
         """Gesture of a cue in a style, turned to a heading [rad]; after a mistake its text."""
-        loaded = self._read(player, given.does)
+        loaded = self._read(player, entry.does)
         if isinstance(loaded, str):
             return loaded
         stage = self.cast.file.stage
@@ -238,14 +242,14 @@ class PlayerGestures:
                 loaded = loaded.gesture(larger, faster, lasts, stage, self._log.beat, self.cache)
                 style = replace(style, faster=1.0, lasts=None)  # which are those of the clip
             angle = heading - player.facing
-            _, whole = style.varied(
+            _, varied = style.varied(
                 loaded,
                 player.marionette,
                 heading=angle,
                 speed=stage.speed,
                 acceleration=stage.acceleration,
             )
-            return whole
+            return varied
         except StateError as error:
             return str(error)
 
@@ -266,6 +270,8 @@ def step_time(beat: float) -> float:
 
     Faster steps make the legs swing, whose period is about a second.
     """
-    low, high = _STEP_TIME_RANGE
-    durations = [beat * part for part in _STEP_BEATS if low <= beat * part <= high]
+    min_duration, max_duration = _STEP_TIME_RANGE
+    durations = [
+        beat * beats for beats in _STEP_BEATS if min_duration <= beat * beats <= max_duration
+    ]
     return min(durations, key=lambda t: abs(t - STEP_TIME), default=STEP_TIME)

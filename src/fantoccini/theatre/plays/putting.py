@@ -18,16 +18,16 @@ from fantoccini.theatre.cast import (
     OTHER_SIDE,
     Physique,
     Waypoints,
+    add_waypoints,
     carry_offsets,
     member_gesture,
+    reverse_waypoints,
     shifted,
-    sign_of,
-    sum_of_waypoints,
-    time_reversed,
+    side_sign,
 )
 from fantoccini.theatre.gestures import Gesture
 
-DROPS = (-0.02, 0.02)
+DROP_RANGE = (-0.02, 0.02)
 """Least and largest height of a carried prop above its later place [m]."""
 CARRY_RISE = 0.022
 """Rise of a handle in the pose for carrying, relative to rest [m]."""
@@ -138,19 +138,19 @@ def putting(
         StateError: the member lacks the arm, or a string that lifts it.
         ValueError: the prop stands too low or too high.
     """
-    sign, other, physique = sign_of(side), OTHER_SIDE[side], Physique.of(stage, who)
-    scale, carrying = physique.arm_ratio(side), carry_offsets(physique, side)
-    lowest, highest = (scale * bound for bound in DROPS)
-    if not lowest <= drop <= highest:
-        text = f"{prop} would go down by {drop:.3f} m; needed: {lowest:.3g} to {highest:.3g} m"
+    sign, inner_side, physique = side_sign(side), OTHER_SIDE[side], Physique.of(stage, who)
+    scale, carry_pose_offsets = physique.arm_ratio(side), carry_offsets(physique, side)
+    min_drop, max_drop = (scale * bound for bound in DROP_RANGE)
+    if not min_drop <= drop <= max_drop:
+        text = f"{prop} would go down by {drop:.3f} m; needed: {min_drop:.3g} to {max_drop:.3g} m"
         raise ValueError(text)
-    hand, glide = physique.hand_string(side), scale * _GLIDE
+    string, glide = physique.hand_string(side), scale * _GLIDE
     held_out = {way: scale * offset for way, offset in _HELD_OUT.items()}
-    put_down_offset = -(drop + scale * _HELD_OUT_RISE) / _PROP_PER_STRING
-    lowest_offset = put_down_offset - scale * _FREE_DESCENT
-    moves = shifted(
+    touch_offset = -(drop + scale * _HELD_OUT_RISE) / _PROP_PER_STRING
+    lowest_offset = touch_offset - scale * _FREE_DESCENT
+    waypoints = shifted(
         physique,
-        other,
+        inner_side,
         1.0,
         [
             (0, 0),
@@ -162,32 +162,32 @@ def putting(
             (_DURATION, 0),
         ],
     )
-    moves |= shifted(physique, "forward", glide, _reach(0.0, 1.0))
-    moves[f"{hand}.up"] = [
-        (0, carrying["up"]),
+    waypoints |= shifted(physique, "forward", glide, _reach(0.0, 1.0))
+    waypoints[f"{string}.up"] = [
+        (0, carry_pose_offsets["up"]),
         (1.0, scale * _RISE),
         (6.0, held_out["up"]),
         (6.5, held_out["up"]),
-        (8.0, put_down_offset),
+        (8.0, touch_offset),
         (9.0, lowest_offset),
         (11.7, lowest_offset),
         (14.5, 0),
         (_DURATION, 0),
     ]
-    moves[f"{hand}.forward"] = _reach(0.0, glide + held_out["forward"])
-    moves[f"{hand}.{other}"] = sum_of_waypoints(
-        moves[f"{hand}.{other}"], _reach(-carrying["out"], held_out["in"])
+    waypoints[f"{string}.forward"] = _reach(0.0, glide + held_out["forward"])
+    waypoints[f"{string}.{inner_side}"] = add_waypoints(
+        waypoints[f"{string}.{inner_side}"], _reach(-carry_pose_offsets["out"], held_out["in"])
     )
     name, marks = "put down", {"down": 8.0, "free": 11.5}
     if pick_up:
-        moves, name = time_reversed(moves, _DURATION), "pick up"
+        waypoints, name = reverse_waypoints(waypoints, _DURATION), "pick up"
         marks = {"under": _DURATION - 9.5, "up": _DURATION - 6.5}
     elbow = physique.place(physique.forearm(side))
-    further = 0.0 if elbow_distance is None else elbow_distance - scale * _ELBOW_DISTANCE
-    forward = glide + scale * _FORWARD + float(elbow[0]) - _FORWARD_PER_DROP * drop + further
+    distance_error = 0.0 if elbow_distance is None else elbow_distance - scale * _ELBOW_DISTANCE
+    forward = glide + scale * _FORWARD + float(elbow[0]) - _FORWARD_PER_DROP * drop + distance_error
     touching = ((physique.forearm(side), prop),)
     return Putting(
-        member_gesture(stage, who, moves, name, marks),
+        member_gesture(stage, who, waypoints, name, marks),
         forward,
         float(elbow[1]) + sign * _OUTWARD,
         touching,

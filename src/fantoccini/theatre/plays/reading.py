@@ -10,8 +10,8 @@ from fantoccini.base import FileError, Mistake, nearest
 from fantoccini.theatre.cast import Cast, Places, ResultCache, play_timeline, read_cast
 from fantoccini.theatre.plays.player_gestures import PlayerGestures
 from fantoccini.theatre.plays.shots import check_shots
-from fantoccini.theatre.plays.walks import Walks
-from fantoccini.theatre.plays.whole import sounds_of
+from fantoccini.theatre.plays.stage_score import sounds_of
+from fantoccini.theatre.plays.walk_planner import WalkPlanner
 from fantoccini.theatre.script import (
     VERBS,
     GivesCue,
@@ -84,12 +84,12 @@ def read_play(path: str | os.PathLike[str], cache: ResultCache) -> Script:
 def _check_names(file: PlayFile, places: Places, log: ScriptLog) -> None:
     """Records repeated names of acts, and unknown places."""
     names: set[str] = set()
-    for a, act in enumerate(file.acts):
+    for act_index, act in enumerate(file.acts):
         if act.act in names:
-            log.mistakes.add(("acts", a, "act"), f"another act is called {act.act!r}")
+            log.mistakes.add(("acts", act_index, "act"), f"another act is called {act.act!r}")
         names.add(act.act)
-        for i, cue in enumerate(act.cues):
-            spot = "acts", a, "cues", i
+        for cue_index, cue in enumerate(act.cues):
+            spot = "acts", act_index, "cues", cue_index
             _check_cue_names(file, cue, spot, places, log)
 
 
@@ -98,25 +98,25 @@ def _check_cue_names(
 ) -> None:
     """Records unknown names of places, players, props, seats and tables."""
     obstacles = [obstacle.name for obstacle in file.stage.obstacles]
-    known = {
+    known_names = {
         "player": ("player", [*file.cast]),
         "prop": ("prop", [*file.props]),
         "seat": ("prop or obstacle", [*file.props, *obstacles]),
         "table": ("obstacle", obstacles),
     }
     for key, kind in VERBS[cue.verb].names.items():
-        name, place = getattr(cue, key), (*spot, spelled(key))
+        name, key_path = getattr(cue, key), (*spot, spelled(key))
         if kind == "direction" and name is not None:
-            places.direction(name, place)
+            places.direction(name, key_path)
         elif key == "past":
-            for k, where in enumerate(name):
-                places.check(where, (*place, k))
+            for index, passed_place in enumerate(name):
+                places.check(passed_place, (*key_path, index))
         elif kind == "place":
-            places.check(name, place)
-        elif kind in known and name not in known[kind][1]:
-            kind_in_words, names = known[kind]
+            places.check(name, key_path)
+        elif kind in known_names and name not in known_names[kind][1]:
+            kind_in_words, names = known_names[kind]
             text = f"no {kind_in_words} is called {name!r}{nearest(name, names)}"
-            log.mistakes.add(place, text)
+            log.mistakes.add(key_path, text)
     if isinstance(cue, GivesCue) and cue.to in cue.who:
         log.mistakes.add((*spot, "to"), f"{cue.to} gives it to itself; needed: another player")
 
@@ -141,22 +141,22 @@ def check_play(path: str | os.PathLike[str]) -> PlayFile:
 
 def _check_abilities(script: Script) -> None:
     """Records cues whose players lack strings or bodies, and walks to unreachable places."""
-    cast, log, walks = script.cast, script.log, Walks(script.cast, script.log)
+    cast, log, planner = script.cast, script.log, WalkPlanner(script.cast, script.log)
     for cue in script.timeline.cues:
         entry, spot = cue.given, (*cue.spot, spelled(cue.given.verb))
         if entry.optional:
             continue
         places: list[tuple[Spot, object]] = []
         if isinstance(entry, WalkCue) and not entry.near:
-            places = [((*cue.spot, "past", k), where) for k, where in enumerate(entry.past)]
+            places = [((*cue.spot, "past", k), place) for k, place in enumerate(entry.past)]
             places.append((spot, entry.verb_value))
         for player in (cast.players[who] for who in cue.who):
             reason = script.gestures.reason_unable(player, entry)
             if reason:
                 log.mistakes.add(spot, reason)
                 continue
-            for place_spot, where in places:
-                place = script.places.fixed_place(where)
-                reason = "" if place is None else walks.obstruction(player, place)
+            for key_path, place in places:
+                fixed_place = script.places.fixed_place(place)
+                reason = "" if fixed_place is None else planner.obstruction(player, fixed_place)
                 if reason:
-                    log.mistakes.add(place_spot, f"{player.name} cannot get there: {reason}")
+                    log.mistakes.add(key_path, f"{player.name} cannot get there: {reason}")

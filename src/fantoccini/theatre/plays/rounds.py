@@ -15,8 +15,8 @@ import numpy as np
 
 from fantoccini.kernel.runtime import default_threads
 from fantoccini.theatre.cast import (
-    ERRORS,
-    NUMBERS,
+    NUMBERS_FORMAT,
+    SIMULATION_ERRORS,
     CannotBegin,
     Corrections,
     Footing,
@@ -25,18 +25,18 @@ from fantoccini.theatre.cast import (
     digest,
 )
 from fantoccini.theatre.gestures import Gesture, Motion, Part, Placed, limits, names_and_units
-from fantoccini.theatre.plays.calming import NONE, calm_gesture, calming
-from fantoccini.theatre.plays.handled import failures, handle_position, standing_place
+from fantoccini.theatre.plays.calming import NO_OFFSETS, calm_gesture, calming_offsets
+from fantoccini.theatre.plays.failures import find_failures, handle_position, standing_place
 from fantoccini.theatre.plays.placing import Placement, place_cues
 from fantoccini.theatre.plays.reading import Script
 from fantoccini.theatre.plays.runs import Runs, excerpt, runs_of
-from fantoccini.theatre.plays.settling import PAUSE, pause
-from fantoccini.theatre.plays.walks import Walks
+from fantoccini.theatre.plays.settling import MAX_FREE_PAUSE, best_pause
+from fantoccini.theatre.plays.walk_planner import WalkPlanner
 from fantoccini.theatre.script import LATE, VERBS, PlayCue, Spot, walks
 
 T = TypeVar("T")
 
-_LOCATED = {verb.meets: verb.located for verb in VERBS.values()}
+_MEASURED_PROPERTY = {verb.meets: verb.located for verb in VERBS.values()}
 """Kind of meeting -> property of a prop that is measured before it."""
 
 PEAK_TOLERANCE = 2e-3
@@ -64,7 +64,7 @@ class Results:
         calm_counts: (cue, player) -> number of times that the motion against swing was computed.
         settling_pauses: number of a cue -> its pause, and the trunk's speeds after it without the
             pause and with it [s, m/s, m/s].
-        touching: cues that are refused because something would touch.
+        refused_by_touch: cues that are refused because something would touch.
     """
 
     corrections: Corrections = field(default_factory=Corrections)
@@ -72,16 +72,16 @@ class Results:
     locate_counts: Mapping[Spot, int] = field(default_factory=dict)
     calm_counts: Mapping[tuple[Spot, str], int] = field(default_factory=dict)
     settling_pauses: Mapping[int, tuple[float, float, float]] = field(default_factory=dict)
-    touching: tuple[Spot, ...] = ()
+    refused_by_touch: tuple[Spot, ...] = ()
 
     def with_refusal(self, placed: Placed[PlayCue] | None, reason: str) -> Results | None:
         """The results with a cue refused and the retry counts reset.
 
         None if there is no such cue, or it is refused already.
         """
-        if placed is None or placed.spot in self.corrections.refused:
+        if placed is None or placed.spot in self.corrections.refusals:
             return None
-        corrections = self.corrections.setting("refused", placed.spot, reason).setting(
+        corrections = self.corrections.with_entry("refusals", placed.spot, reason).with_entry(
             "pauses", placed.spot, None
         )
         return replace(
@@ -94,17 +94,17 @@ class Results:
 
 
 @dataclass(frozen=True, eq=False)
-class Stage:
+class CompileContext:
     """Play with the data shared by all rounds of compiling it.
 
     Attributes:
         script: script of the play; props hang in equilibrium.
-        walks: planner of walks.
+        planner: planner of walks.
         cache: cached results.
     """
 
     script: Script
-    walks: Walks
+    planner: WalkPlanner
     cache: ResultCache
 
     @property
@@ -138,44 +138,48 @@ class Round:
         return _cue_during(self.placement.cues, t, owners)
 
 
-Rule = tuple[Results, bool]
+RuleResult = tuple[Results, bool]
 """Results after a rule, and whether it moves cues."""
 
 
-def make_round(stage: Stage, results: Results) -> Round:
+def make_round(context: CompileContext, results: Results) -> Round:
     """Round in which all cues are placed and simulated.
 
     Raises:
         FileError: the run of a player cannot begin, even with all its cues refused.
     """
-    script = stage.script
+    script = context.script
     while True:
         placement = place_cues(
             script.cast,
             script.timeline,
             script.gestures,
             script.places,
-            stage.walks,
+            context.planner,
             results.corrections,
             script.log,
         )
         try:
             runs = runs_of(
-                script.cast, placement.motions, placement.starts, placement.meetings, stage.cache
+                script.cast,
+                placement.motions,
+                placement.cue_starts,
+                placement.meetings,
+                context.cache,
             )
         except CannotBegin as error:
-            first = _cue_during(placement.cues, 0.0, {*error.stop.players})
-            without = results.with_refusal(first, str(error))
-            if without is None:
+            first_cue = _cue_during(placement.cues, 0.0, {*error.stop.players})
+            fewer = results.with_refusal(first_cue, str(error))
+            if fewer is None:
                 script.log.mistakes.add(("cast", error.stop.players[0]), str(error))
                 script.log.mistakes.refuse()
                 raise
-            results = without
+            results = fewer
         else:
-            return Round(results, placement, runs, stage.beat)
+            return Round(results, placement, runs, context.beat)
 
 
-def refuse_stopped(_: Stage, results: Results, this_round: Round) -> Rule:
+def refuse_stopped(_: CompileContext, results: Results, this_round: Round) -> RuleResult:
     """Refuses the cues in which a run stops early."""
     before = results
     for stop in this_round.runs.stops:
@@ -184,66 +188,68 @@ def refuse_stopped(_: Stage, results: Results, this_round: Round) -> Rule:
     return results, results is not before
 
 
-def refuse_failures(stage: Stage, results: Results, this_round: Round) -> Rule:
+def refuse_failures(context: CompileContext, results: Results, this_round: Round) -> RuleResult:
     """Refuses the first cue that fails to bring a prop to its place."""
-    cue_at = {placed.spot: placed for placed in this_round.placement.cues}
-    for failure in failures(stage.script.cast, this_round.placement.meetings, this_round.runs):
+    cue_of = {placed.spot: placed for placed in this_round.placement.cues}
+    for failure in find_failures(
+        context.script.cast, this_round.placement.meetings, this_round.runs
+    ):
         cue = (
-            cue_at.get(failure.cue)
+            cue_of.get(failure.cue)
             if failure.cue
             else this_round.cue_during(failure.t, {*failure.players})
         )
         # Without it, later cues may succeed.
-        after = results.with_refusal(cue, f"{failure.text} {this_round.in_words(failure.t)}")
-        if after is not None:
-            return after, True
+        refused = results.with_refusal(cue, f"{failure.text} {this_round.in_words(failure.t)}")
+        if refused is not None:
+            return refused, True
     return results, False
 
 
-def refuse_fast(stage: Stage, results: Results, this_round: Round) -> Rule:
+def refuse_fast(context: CompileContext, results: Results, this_round: Round) -> RuleResult:
     """Refuses the cues in which hands pass their bounds."""
-    bounds, before = stage.script.cast.file.stage, results
+    stage_bounds, before = context.script.cast.file.stage, results
     for name, motion in this_round.placement.motions.items():
-        table, sizes = motion.coordinates, motion.peaks_of_pieces
-        largest = limits(table, bounds.speed, bounds.acceleration)
-        for row, verb, per in ((0, "moves at", "s"), (1, "changes by", "s^2")):
-            ratios = sizes[:, row] / largest[row]
+        table, peaks = motion.coordinates, motion.peaks_of_pieces
+        bounds_of_hands = limits(table, stage_bounds.speed, stage_bounds.acceleration)
+        for order, verb, time_unit in ((0, "moves at", "s"), (1, "changes by", "s^2")):
+            ratios = peaks[:, order] / bounds_of_hands[order]
             piece, v = np.unravel_index(int(np.argmax(ratios)), ratios.shape)
-            peak, bound = float(sizes[piece, row, v]), float(largest[row, v])
+            peak, bound = float(peaks[piece, order, v]), float(bounds_of_hands[order, v])
             name_K, unit = names_and_units(table)[v]
             if peak <= bound * (1.0 + PEAK_TOLERANCE):
                 continue
             t = 0.5 * float(motion.breaks[piece] + motion.breaks[piece + 1])
-            slower = (peak / bound) ** (1.0 / (row + 1))
-            text = f"{name_K} {verb} {peak:.3g} {unit}/{per}, and the bound is "
-            text += f"{bound:g}; {1.02 * slower:.2g} times slower it can be done"
+            factor = (peak / bound) ** (1.0 / (order + 1))
+            text = f"{name_K} {verb} {peak:.3g} {unit}/{time_unit}, and the bound is "
+            text += f"{bound:g}; {1.02 * factor:.2g} times slower it can be done"
             results = results.with_refusal(this_round.cue_during(t, {name}), text) or results
     return results, results is not before
 
 
-def locate_and_calm(stage: Stage, results: Results, this_round: Round) -> Rule:
+def locate_and_calm(context: CompileContext, results: Results, this_round: Round) -> RuleResult:
     """Locates the props that are handled, and computes motions that damp swing."""
-    results, changed = _calm(stage, results, this_round)
+    results, has_changed = _damp_swing(context, results, this_round)
     for meeting in this_round.placement.meetings:
-        spot, located = meeting.cue, _LOCATED.get(meeting.kind)
-        if spot is None or not located or not meeting.props:
+        spot, measured_property = meeting.cue, _MEASURED_PROPERTY.get(meeting.kind)
+        if spot is None or not measured_property or not meeting.props:
             continue
         (prop,) = meeting.props
         if results.locate_counts.get(spot, 0) >= _MAX_LOCATE_COUNT:
             continue
-        corrections, cast = results.corrections, stage.script.cast
-        if located == "place":
-            stands = standing_place(cast, this_round.runs, prop, meeting.begin)
-            moved = _place_changed(corrections.stands.get(spot), stands)
-            corrections = corrections.setting("stands", spot, stands)
+        corrections, cast = results.corrections, context.script.cast
+        if measured_property == "place":
+            footing = standing_place(cast, this_round.runs, prop, meeting.begin)
+            has_moved = _place_changed(corrections.prop_footings.get(spot), footing)
+            corrections = corrections.with_entry("prop_footings", spot, footing)
         else:
             handle = handle_position(cast, this_round.runs, meeting, meeting.begin - _LOCATE_LEAD)
-            moved = _handle_changed(corrections.handles.get(spot), handle)
-            corrections = corrections.setting("handles", spot, handle)
-        counts = {**results.locate_counts, spot: results.locate_counts.get(spot, 0) + moved}
+            has_moved = _handle_changed(corrections.handle_positions.get(spot), handle)
+            corrections = corrections.with_entry("handle_positions", spot, handle)
+        counts = {**results.locate_counts, spot: results.locate_counts.get(spot, 0) + has_moved}
         results = replace(results, corrections=corrections, locate_counts=counts)
-        changed = changed or moved
-    return results, changed
+        has_changed = has_changed or has_moved
+    return results, has_changed
 
 
 def _place_changed(assumed: Footing | None, measured: Footing | None) -> bool:
@@ -262,80 +268,93 @@ def _handle_changed(
     return not np.allclose(measured, assumed, rtol=0.0, atol=_MAX_PLACE_ERROR)
 
 
-def _calm(stage: Stage, results: Results, this_round: Round) -> Rule:
+def _damp_swing(context: CompileContext, results: Results, this_round: Round) -> RuleResult:
     """Computes motions that damp swing."""
     jobs: dict[str, Callable[[], tuple[float, ...]]] = {}
     keys: dict[str, tuple[Spot, str]] = {}
-    for (spot, name), start in this_round.placement.calmed.items():
-        run, player = this_round.runs.players[name], stage.script.cast.players[name]
+    for (spot, name), start in this_round.placement.damping_times.items():
+        run, player = this_round.runs.players[name], context.script.cast.players[name]
         if start >= float(run.t[-1]) or results.calm_counts.get((spot, name), 0) >= _MAX_CALM_COUNT:
             continue
-        x, label = run.at(start), f"calm {spot} {name}"
-        key = digest(x, calm_gesture(player.marionette, NONE), "calm", player.content)
-        job = partial(_or, NONE, partial(calming, player.marionette, x))
-        jobs[label] = partial(stage.cache.get, key, job, NUMBERS)
+        state, label = run.at(start), f"calm {spot} {name}"
+        key = digest(
+            state, calm_gesture(player.marionette, NO_OFFSETS), "calm", player.content_hash
+        )
+        job = partial(_result_or, NO_OFFSETS, partial(calming_offsets, player.marionette, state))
+        jobs[label] = partial(context.cache.get, key, job, NUMBERS_FORMAT)
         keys[label] = spot, name
-    changed = False
-    for label, offsets in stage.cache.in_parallel(jobs, default_threads()).items():
-        who = keys[label]
-        before = results.corrections.calms.get(who, NONE)
-        moved = not np.allclose(before, offsets, rtol=0.0, atol=_MAX_PLACE_ERROR)
-        counts = {**results.calm_counts, who: results.calm_counts.get(who, 0) + moved}
-        corrections = results.corrections.setting("calms", who, offsets)
+    has_changed = False
+    for label, offsets in context.cache.in_parallel(jobs, default_threads()).items():
+        cue_and_player = keys[label]
+        previous = results.corrections.damping_offsets.get(cue_and_player, NO_OFFSETS)
+        has_moved = not np.allclose(previous, offsets, rtol=0.0, atol=_MAX_PLACE_ERROR)
+        counts = {
+            **results.calm_counts,
+            cue_and_player: results.calm_counts.get(cue_and_player, 0) + has_moved,
+        }
+        corrections = results.corrections.with_entry("damping_offsets", cue_and_player, offsets)
         results = replace(results, corrections=corrections, calm_counts=counts)
-        changed = changed or moved
-    return results, changed
+        has_changed = has_changed or has_moved
+    return results, has_changed
 
 
-def settle(stage: Stage, results: Results, this_round: Round) -> Rule:
+def add_settling_pauses(context: CompileContext, results: Results, this_round: Round) -> RuleResult:
     """Computes pauses in which swing decays before cues that may be delayed."""
     jobs: dict[str, Callable[[], tuple[float, float, float]]] = {}
     cues: dict[str, tuple[int, Placed[PlayCue]]] = {}
     for number, cue in enumerate(this_round.placement.cues, 1):
-        longest = max_pause(cue.given, stage.beat)
-        if len(cue.parts) != 1 or longest <= 0.0:
+        max_duration = max_pause(cue.given, context.beat)
+        if len(cue.parts) != 1 or max_duration <= 0.0:
             continue
         (part,) = cue.parts
-        separate = _separate_motion(this_round.placement, part)
-        if separate is None:
+        start_and_motion = _separate_motion(this_round.placement, part)
+        if start_and_motion is None:
             continue
-        start, motion = separate
-        run, player = this_round.runs.players[part.who], stage.script.cast.players[part.who]
+        start, motion = start_and_motion
+        run, player = this_round.runs.players[part.who], context.script.cast.players[part.who]
         x, marionette = run.at(start), player.marionette
-        key = digest(x, Gesture(marionette.coordinates, *motion), longest, "pause", player.content)
-        job = partial(_or, (0.0, 0.0, 0.0), partial(pause, marionette, x, motion, longest))
-        jobs[f"{number}"] = partial(stage.cache.get, key, job, NUMBERS)
+        key = digest(
+            x, Gesture(marionette.coordinates, *motion), max_duration, "pause", player.content_hash
+        )
+        job = partial(
+            _result_or, (0.0, 0.0, 0.0), partial(best_pause, marionette, x, motion, max_duration)
+        )
+        jobs[f"{number}"] = partial(context.cache.get, key, job, NUMBERS_FORMAT)
         cues[f"{number}"] = number, cue
-    pauses = stage.cache.in_parallel(jobs, default_threads())
+    pauses = context.cache.in_parallel(jobs, default_threads())
     for label, (number, cue) in cues.items():
         settling_pauses = {**results.settling_pauses, number: pauses[label]}
-        corrections = results.corrections.setting("pauses", cue.spot, pauses[label][0])
+        corrections = results.corrections.with_entry("pauses", cue.spot, pauses[label][0])
         results = replace(results, corrections=corrections, settling_pauses=settling_pauses)
     return results, any(p > 0.0 for p, _, _ in pauses.values())
 
 
-def max_pause(given: PlayCue, beat: float) -> float:
+def max_pause(entry: PlayCue, beat: float) -> float:
     """Longest delay of a cue in which swing may decay [s]."""
-    if given.may_wait is not None:
-        return given.may_wait * beat
-    return PAUSE if given.is_free else 0.0
+    if entry.may_wait is not None:
+        return entry.may_wait * beat
+    return MAX_FREE_PAUSE if entry.is_free else 0.0
 
 
 def _separate_motion(placement: Placement, part: Part) -> tuple[float, Motion] | None:
     """Earliest start of a part [s], and its motion from then; None if other parts overlap it."""
-    others = [
-        other
+    other_parts = [
+        other_part
         for cue in placement.cues
-        for other in cue.parts
-        if other.who == part.who and other is not part
+        for other_part in cue.parts
+        if other_part.who == part.who and other_part is not part
     ]
-    if any(other.end > part.start and other.start < part.end for other in others):
+    if any(
+        other_part.end > part.start and other_part.start < part.end for other_part in other_parts
+    ):
         return None
-    start = max([0.0, *(other.end for other in others if other.end <= part.start)])
-    whole = placement.motions[part.who]
-    if np.max(np.abs(whole.offsets(start)[1])) > LATE or part.end - start < LATE:
+    start = max(
+        [0.0, *(other_part.end for other_part in other_parts if other_part.end <= part.start)]
+    )
+    motion = placement.motions[part.who]
+    if np.max(np.abs(motion.offsets(start)[1])) > LATE or part.end - start < LATE:
         return None
-    return start, excerpt(whole, start, part.end)
+    return start, excerpt(motion, start, part.end)
 
 
 def _in_words(placement: Placement, t: float, beat: float) -> str:
@@ -364,9 +383,9 @@ def _cue_during(
     return max(candidates, key=lambda entry: entry[:3])[3] if candidates else None
 
 
-def _or(default: T, job: Callable[[], T]) -> T:
+def _result_or(default: T, job: Callable[[], T]) -> T:
     """Result of a search, or a default if its rollouts stop; the run then has the reason."""
     try:
         return job()
-    except ERRORS:
+    except SIMULATION_ERRORS:
         return default

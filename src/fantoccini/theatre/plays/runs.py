@@ -23,41 +23,41 @@ from fantoccini.dynamics.simulation import simulate
 from fantoccini.kernel.runtime import default_threads
 from fantoccini.motion import LEDGER, Columns, ContactPoints, State, Trajectory
 from fantoccini.theatre.cast import (
-    ERRORS,
+    SIMULATION_ERRORS,
     CannotBegin,
     Cast,
     Company,
+    CompanyScene,
     Meeting,
     PropState,
     ResultCache,
     Span,
-    Staged,
     Stop,
+    company_scene,
+    company_spans,
     digest,
     run_format,
-    spans,
-    staged,
 )
 from fantoccini.theatre.gestures import Gesture, Motion, piecewise
 from fantoccini.theatre.script import StageFile
 
 _MAX_REST_RATE = 1e-9
 """Rate below which hands count as at rest [m/s or rad/s]."""
-_MIN_DURATION = 0.5
+_MIN_PART_DURATION = 0.5
 """Least duration of a part [s], so that the relative cost of its start is small."""
 _TIME_STEPS = {"steps": 1e-3, "fine steps": 2.5e-4}
 """Time steps of companies that touch [s]."""
 _SAMPLE_INTERVAL = 5e-3
 """Time between samples of these companies [s]."""
-_REST_REASON = "somebody sits, or a prop stands on something"
+_FINE_STEPS_REASON = "somebody sits, or a prop stands on something"
 """Reason for fine time steps without an event-driven attempt."""
 _MAX_MEMORY_RATE = 4e7
 """Memory for a second of an event-driven run with touches [bytes/s]: about 4000 samples."""
-_SAMPLED = ("t", "q_D", "v_D", "acc_D", "q_K", "v_K", "acc_K")
+_SAMPLE_ARRAYS = ("t", "q_D", "v_D", "acc_D", "q_K", "v_K", "acc_K")
 """Arrays of a trajectory with a row for each sample."""
 _COLUMNS = ("tension", "limit_force", "taut", "violation", "slip")
 """Columns of a trajectory."""
-ENERGIES = ("kinetic", "potential")
+ENERGY_COLUMNS = ("kinetic", "potential")
 """Columns of a ledger with present values; the others accumulate over time."""
 
 
@@ -66,51 +66,53 @@ class Run:
     """Run of a company.
 
     Attributes:
-        staged: simulated company.
+        scene: simulated company.
         begin: beginning of the run [s].
-        whole: trajectory, from time 0.
-        stopped: reason for a stop before the end of its span; "" without a stop.
-        stepped: reasons why parts were simulated in fine time steps instead of event-driven.
+        trajectory: trajectory, from time 0.
+        stop_reason: reason for a stop before the end of its span; "" without a stop.
+        stepping_reasons: reasons why parts were simulated in fine time steps, not event-driven.
     """
 
-    staged: Staged
+    scene: CompanyScene
     begin: float
-    whole: Trajectory
-    stopped: str = ""
-    stepped: tuple[str, ...] = ()
+    trajectory: Trajectory
+    stop_reason: str = ""
+    stepping_reasons: tuple[str, ...] = ()
 
     @property
     def end(self) -> float:
         """End of the run [s]."""
-        return self.begin + float(self.whole.t[-1])
+        return self.begin + float(self.trajectory.t[-1])
 
     def of_player(self, name: str, own_state: State) -> Trajectory:
         """Run of a player in its own coordinates, which are those of ``own_state``."""
-        prefix, run = self.staged.prefixes[name], self.whole
-        if self.staged.company == Company((name,)):
-            return run
-        own = own_state.coordinates
-        assert own is not None
+        prefix, trajectory = self.scene.prefixes[name], self.trajectory
+        if self.scene.company == Company((name,)):
+            return trajectory
+        table = own_state.coordinates
+        assert table is not None
         changes: dict[str, Any] = {}
-        for part in _SAMPLED[1:]:
-            kind = f"{'q' if part[0] == 'q' else 'v'}_{part[-1]}"
-            all_names = getattr(run.coordinates, kind)
-            indices = [all_names.index(prefix + coordinate) for coordinate in getattr(own, kind)]
-            changes[part] = getattr(run, part)[:, indices]
-        for part in _COLUMNS:
-            columns: Columns | None = getattr(run, part)
+        for array_name in _SAMPLE_ARRAYS[1:]:
+            name_list = f"{'q' if array_name[0] == 'q' else 'v'}_{array_name[-1]}"
+            all_names = getattr(trajectory.coordinates, name_list)
+            indices = [
+                all_names.index(prefix + coordinate) for coordinate in getattr(table, name_list)
+            ]
+            changes[array_name] = getattr(trajectory, array_name)[:, indices]
+        for array_name in _COLUMNS:
+            columns: Columns | None = getattr(trajectory, array_name)
             if columns is not None:
-                changes[part] = _player_columns(columns, prefix)
+                changes[array_name] = _columns_of_player(columns, prefix)
         events = tuple(
             dataclasses.replace(event, name=event.name.removeprefix(prefix))
-            for event in run.events
+            for event in trajectory.events
             if event.name.startswith(prefix) and "|" not in event.name
         )
         return dataclasses.replace(
-            run,
+            trajectory,
             **changes,
             events=events,
-            coordinates=own,
+            coordinates=table,
             contact=None,
             contact_residual=None,
             effort=None,
@@ -134,7 +136,7 @@ class Runs:
     def with_prop(self, name: str, t: float) -> Run | None:
         """Run in which a prop takes part at a time [s]; None if it stands by itself."""
         for company in self.companies:
-            if name in company.staged.props and company.begin <= t <= company.end:
+            if name in company.scene.props and company.begin <= t <= company.end:
                 return company
         return None
 
@@ -167,26 +169,26 @@ def runs_of(
         CannotBegin: a player's run cannot begin.
     """
     end = max(motion.duration for motion in motions.values())
-    work = _Work(cast, motions, starts, cache, exact)
+    jobs = _RunJobs(cast, motions, starts, cache, exact)
     with ThreadPoolExecutor(default_threads()) as pool:
         # Each job waits only for earlier ones, which have been started before it.
         futures: list[tuple[Span, Future[Run | Stop | None]]] = []
-        for span in spans(list(cast.players), meetings, end):
-            futures.append((span, pool.submit(work.run, span, tuple(futures))))
+        for span in company_spans(list(cast.players), meetings, end):
+            futures.append((span, pool.submit(jobs.run, span, tuple(futures))))
         results = [future.result() for _, future in futures]
     companies = tuple(result for result in results if isinstance(result, Run))
     stops = [result for result in results if isinstance(result, Stop)]
     stops += [
-        Stop(company.staged.company.players, company.end, company.stopped)
+        Stop(company.scene.company.players, company.end, company.stop_reason)
         for company in companies
-        if company.stopped
+        if company.stop_reason
     ]
     players = {}
     for name, player in cast.players.items():
         player_runs = [
             (run.begin, run.of_player(name, player.x0))
             for run in companies
-            if name in run.staged.prefixes
+            if name in run.scene.prefixes
         ]
         if not player_runs:
             raise CannotBegin(next(stop for stop in stops if name in stop.players))
@@ -195,7 +197,7 @@ def runs_of(
 
 
 @dataclass(frozen=True)
-class _Work:
+class _RunJobs:
     """Jobs that compute the runs of a play; arguments as for :func:`runs_of`."""
 
     cast: Cast
@@ -205,30 +207,30 @@ class _Work:
     exact: bool
 
     def run(
-        self, span: Span, before: Sequence[tuple[Span, Future[Run | Stop | None]]]
+        self, span: Span, earlier_spans: Sequence[tuple[Span, Future[Run | Stop | None]]]
     ) -> Run | Stop | None:
         """Run of a company, or its stop; None if the earlier run of a member stopped."""
         cast, company = self.cast, span.company
         players: dict[str, State] = {}
         props: dict[str, PropState] = {}
         for name in (*company.players, *company.props):
-            earlier_end, last = _last(name, span, before)
-            if last is None:
+            previous_end, future = _preceding_run(name, span, earlier_spans)
+            if future is None:
                 if name in cast.players:
                     players[name] = cast.players[name].x0
                 else:
                     props[name] = cast.prop_states[name]
                 continue
-            run = last.result()
-            if not isinstance(run, Run) or run.stopped:
+            run = future.result()
+            if not isinstance(run, Run) or run.stop_reason:
                 return None
             if name in cast.players:
                 players[name] = run.of_player(name, cast.players[name].x0).state(-1)
             else:
-                props[name] = prop_states(run, name, still=earlier_end < span.begin)
-        stage = staged(cast, company, self.cache)
-        x = stage.state(players, props)
-        motion = stage.motion(
+                props[name] = prop_end_state(run, name, at_rest=previous_end < span.begin)
+        scene = company_scene(cast, company, self.cache)
+        x = scene.state(players, props)
+        motion = scene.motion(
             {
                 name: Gesture(
                     self.motions[name].coordinates,
@@ -238,52 +240,54 @@ class _Work:
             }
         )
         starts = sorted(t - span.begin for name in company.players for t in self.starts[name])
-        parts, stepped, stopped = self._in_parts(stage, x, motion, starts)
+        parts, stepping_reasons, stop_reason = self._simulate_parts(scene, x, motion, starts)
         if not parts:
-            return Stop(company.players, span.begin, stopped)
-        whole = _joined(parts)
-        if stopped and whole.status is Status.DONE:
-            whole = dataclasses.replace(whole, status=Status.STOPPED)
-        return Run(stage, span.begin, whole, stopped, stepped)
+            return Stop(company.players, span.begin, stop_reason)
+        trajectory = _joined(parts)
+        if stop_reason and trajectory.status is Status.DONE:
+            trajectory = dataclasses.replace(trajectory, status=Status.STOPPED)
+        return Run(scene, span.begin, trajectory, stop_reason, stepping_reasons)
 
-    def _in_parts(
-        self, stage: Staged, x: State, motion: Gesture, starts: Sequence[float]
+    def _simulate_parts(
+        self, scene: CompanyScene, x: State, motion: Gesture, starts: Sequence[float]
     ) -> tuple[list[tuple[float, Trajectory]], tuple[str, ...], str]:
         """Parts of a run, reasons for unwanted time steps, and the reason why it stops."""
-        stepped, parts = list[str](), list[tuple[float, Trajectory]]()
-        if self.exact and stage.company.rests:
-            stepped.append(_REST_REASON)
-        for begin, end in pairwise(_cuts(motion, starts)):
+        stepping_reasons, parts = list[str](), list[tuple[float, Trajectory]]()
+        if self.exact and scene.company.has_resting_contact:
+            stepping_reasons.append(_FINE_STEPS_REASON)
+        for begin, end in pairwise(_part_boundaries(motion, starts)):
             part_motion = Gesture(motion.coordinates, *excerpt(motion, begin, end))
             try:
-                if stage.company.pairs or self._has_contacts:
-                    x = stage.marionette.project(x)
-            except ERRORS as error:
-                return parts, tuple(stepped), str(error)
-            stopped = list[str]()
-            for method in self._methods(stage.company):
-                run, reason = self._part(stage, x, part_motion, method)
+                if scene.company.pairs or self._has_contacts:
+                    x = scene.marionette.project(x)
+            except SIMULATION_ERRORS as error:
+                return parts, tuple(stepping_reasons), str(error)
+            failed_methods = list[str]()
+            for method in self._methods(scene.company):
+                run, reason = self._simulate_part(scene, x, part_motion, method)
                 if not reason:
                     break
-                stopped.append(reason)
+                failed_methods.append(reason)
             if run is not None:
                 parts.append((begin, run))
             if reason or run is None:
-                return parts, tuple(stepped), reason
-            stepped += stopped
+                return parts, tuple(stepping_reasons), reason
+            stepping_reasons += failed_methods
             x = run.state(len(run) - 1).replace(t=0.0)
-        return parts, tuple(stepped), ""
+        return parts, tuple(stepping_reasons), ""
 
-    def _part(
-        self, stage: Staged, x: State, motion: Gesture, method: str
+    def _simulate_part(
+        self, scene: CompanyScene, x: State, motion: Gesture, method: str
     ) -> tuple[Trajectory | None, str]:
         """Part of a run by a method, and the reason for its stop: a status or an error; or ""."""
         bounds = self.cast.file.stage
-        key = digest(x, motion, "part", stage.content, bounds.speed, bounds.acceleration, method)
-        job = partial(_simulate, stage, x, motion, bounds, method, self.cache.check)
+        key = digest(
+            x, motion, "part", scene.content_key, bounds.speed, bounds.acceleration, method
+        )
+        job = partial(_simulate, scene, x, motion, bounds, method, self.cache.check)
         try:
-            run = self.cache.get(key, job, run_format(stage.marionette))
-        except ERRORS as error:
+            run = self.cache.get(key, job, run_format(scene.marionette))
+        except SIMULATION_ERRORS as error:
             return None, str(error)
         return run, "" if run.status is Status.DONE else str(run.status)
 
@@ -293,7 +297,7 @@ class _Work:
             return ("event",)
         if not self.exact:
             return ("steps",)
-        return ("fine steps",) if company.rests else ("event", "fine steps")
+        return ("fine steps",) if company.has_resting_contact else ("event", "fine steps")
 
     @property
     def _has_contacts(self) -> bool:
@@ -301,35 +305,40 @@ class _Work:
         return bool(self.cast.allowed_pairs)
 
 
-def _last(
-    name: str, span: Span, before: Sequence[tuple[Span, Future[Run | Stop | None]]]
+def _preceding_run(
+    name: str, span: Span, earlier_spans: Sequence[tuple[Span, Future[Run | Stop | None]]]
 ) -> tuple[float, Future[Run | Stop | None] | None]:
     """End of the last run of a player or prop before a span [s], and that run."""
-    for earlier, future in reversed(before):
-        company = earlier.company
-        if name in (*company.players, *company.props) and earlier.end <= span.begin:
-            return earlier.end, future
+    for earlier_span, future in reversed(earlier_spans):
+        company = earlier_span.company
+        if name in (*company.players, *company.props) and earlier_span.end <= span.begin:
+            return earlier_span.end, future
     return 0.0, None
 
 
-def prop_states(run: Run, name: str, *, still: bool = False) -> PropState:
-    """State of a prop at a run's end: pose (7,) and velocities (6,), which are 0 if ``still``."""
-    local, whole = run.staged.props[name], run.whole
-    q = whole.coordinates.q_D.index(f"{local}.x")
-    v = whole.coordinates.v_D.index(f"{local}.x")
-    rates = np.zeros(6) if still else np.array(whole.v_D[-1, v : v + 6])
-    return np.array(whole.q_D[-1, q : q + 7]), rates
+def prop_end_state(run: Run, name: str, *, at_rest: bool = False) -> PropState:
+    """State of a prop at a run's end: pose (7,) and velocities (6,), which are 0 if ``at_rest``."""
+    scene_name, trajectory = run.scene.props[name], run.trajectory
+    q = trajectory.coordinates.q_D.index(f"{scene_name}.x")
+    v = trajectory.coordinates.v_D.index(f"{scene_name}.x")
+    rates = np.zeros(6) if at_rest else np.array(trajectory.v_D[-1, v : v + 6])
+    return np.array(trajectory.q_D[-1, q : q + 7]), rates
 
 
 def _simulate(
-    stage: Staged, x: State, motion: Gesture, bounds: StageFile, method: str, check: OnProgress
+    scene: CompanyScene,
+    x: State,
+    motion: Gesture,
+    bounds: StageFile,
+    method: str,
+    check: OnProgress,
 ) -> Trajectory:
     """Run of a scene by a method: ``event``, ``steps`` or ``fine steps``."""
     inputs = motion.inputs(x, speed=bounds.speed, acceleration=bounds.acceleration)
     if method == "event":
-        max_memory = _MAX_MEMORY_RATE * motion.duration if stage.company.pairs else None
+        max_memory = _MAX_MEMORY_RATE * motion.duration if scene.company.pairs else None
         return simulate(
-            stage.marionette,
+            scene.marionette,
             x,
             inputs,
             effort=False,
@@ -339,7 +348,7 @@ def _simulate(
         )
     dt = _TIME_STEPS[method]
     return simulate(
-        stage.marionette,
+        scene.marionette,
         x,
         inputs,
         method=TimeStepping(dt=dt),
@@ -350,44 +359,44 @@ def _simulate(
     )
 
 
-def _cuts(motion: Gesture, starts: Sequence[float]) -> list[float]:
+def _part_boundaries(motion: Gesture, starts: Sequence[float]) -> list[float]:
     """Times from 0 to the end that separate parts, at rests of the hands."""
     cuts = [0.0]
     for t in sorted(starts):
-        if t < cuts[-1] + _MIN_DURATION or t > motion.duration - _MIN_DURATION:
+        if t < cuts[-1] + _MIN_PART_DURATION or t > motion.duration - _MIN_PART_DURATION:
             continue
         if np.max(np.abs(motion.offsets(t)[1])) < _MAX_REST_RATE:
             cuts.append(float(t))
     return [*cuts, motion.duration]
 
 
-def excerpt(whole: Gesture, begin: float, end: float) -> Motion:
+def excerpt(gesture: Gesture, begin: float, end: float) -> Motion:
     """Motion of a gesture between two times [s], with offsets of 0 at its beginning."""
-    clock = np.union1d(whole.breaks, [begin, end])
-    coef = piecewise.on(whole.breaks, whole.coef, clock)
-    inside = (clock[:-1] >= begin) & (clock[:-1] < end)
-    breaks, coef = np.append(clock[:-1][inside], end), coef[inside]
+    breaks_with_ends = np.union1d(gesture.breaks, [begin, end])
+    coef = piecewise.on(gesture.breaks, gesture.coef, breaks_with_ends)
+    inside = (breaks_with_ends[:-1] >= begin) & (breaks_with_ends[:-1] < end)
+    breaks, coef = np.append(breaks_with_ends[:-1][inside], end), coef[inside]
     coef[:, :, 0] -= coef[0, :, 0]
-    return Motion(breaks - begin, coef, whole.named, np.zeros_like(whole.travel))
+    return Motion(breaks - begin, coef, gesture.named, np.zeros_like(gesture.travel))
 
 
 def _joined(parts: Sequence[tuple[float, Trajectory]]) -> Trajectory:
     """Successive runs, each with its beginning [s], as one."""
     runs = [run for _, run in parts]
-    first, last = runs[0], runs[-1]
+    first_run, last_run = runs[0], runs[-1]
     if len(runs) == 1:
-        return first
+        return first_run
     changes: dict[str, Any] = {
-        name: np.concatenate([getattr(run, name) for run in runs]) for name in _SAMPLED
+        name: np.concatenate([getattr(run, name) for run in runs]) for name in _SAMPLE_ARRAYS
     }
     # Rounding may put the start of a part before the end of the previous one.
     changes["t"] = np.maximum.accumulate(np.concatenate([begin + run.t for begin, run in parts]))
     for name in _COLUMNS:
-        columns: Columns | None = getattr(first, name)
+        columns: Columns | None = getattr(first_run, name)
         if columns is not None:
             values = np.concatenate([getattr(run, name).values for run in runs])
             changes[name] = columns.like(values)
-    if first.contact is not None:
+    if first_run.contact is not None:
         changes["contact"] = _contacts(runs)
         changes["contact_residual"] = np.concatenate(
             [
@@ -401,12 +410,12 @@ def _joined(parts: Sequence[tuple[float, Trajectory]]) -> Trajectory:
         for event in run.events
     )
     return dataclasses.replace(
-        first,
+        first_run,
         **changes,
-        ledger=first.ledger.like(_ledger(runs)),
+        ledger=first_run.ledger.like(_ledger(runs)),
         events=events,
-        status=last.status,
-        causes=last.causes,
+        status=last_run.status,
+        causes=last_run.causes,
         seconds=None,
     )
 
@@ -414,17 +423,19 @@ def _joined(parts: Sequence[tuple[float, Trajectory]]) -> Trajectory:
 def _contacts(runs: Sequence[Trajectory]) -> ContactPoints:
     """Contact points of successive runs with the same pairs."""
     points = [run.contact for run in runs if run.contact is not None]
-    before = np.cumsum([0, *(len(run) for run in runs[:-1])])
+    first_samples = np.cumsum([0, *(len(run) for run in runs[:-1])])
     arrays: dict[str, Any] = {
         field.name: np.concatenate([getattr(point, field.name) for point in points])
         for field in dataclasses.fields(ContactPoints)
         if field.name not in ("names", "sample")
     }
-    sample = np.concatenate([point.sample + n for point, n in zip(points, before, strict=True)])
+    sample = np.concatenate(
+        [point.sample + n for point, n in zip(points, first_samples, strict=True)]
+    )
     return ContactPoints(sample=sample, names=points[0].names, **arrays)
 
 
-def _player_columns(columns: Columns, prefix: str) -> Columns:
+def _columns_of_player(columns: Columns, prefix: str) -> Columns:
     """Columns of a player, with its own names."""
     indices = [i for i, name in enumerate(columns.names) if name.startswith(prefix)]
     names = tuple(columns.names[i].removeprefix(prefix) for i in indices)
@@ -433,10 +444,10 @@ def _player_columns(columns: Columns, prefix: str) -> Columns:
 
 def _ledger(runs: Sequence[Trajectory]) -> Array:
     """Ledger of successive runs; losses and work accumulate."""
-    accumulates = np.array([name not in ENERGIES for name in LEDGER])
-    parts, before = [], np.zeros(len(LEDGER))
+    accumulates = np.array([name not in ENERGY_COLUMNS for name in LEDGER])
+    parts, totals = [], np.zeros(len(LEDGER))
     for run in runs:
-        values = run.ledger.values + before * accumulates
-        before = values[-1]
+        values = run.ledger.values + totals * accumulates
+        totals = values[-1]
         parts.append(values)
     return np.concatenate(parts)

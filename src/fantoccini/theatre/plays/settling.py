@@ -17,13 +17,13 @@ from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import State
 from fantoccini.theatre.gestures import Motion
 
-PAUSE = 1.0
+MAX_FREE_PAUSE = 1.0
 """Longest delay of a free cue without `may wait` [s]."""
-_MEASURED_TIME = 1.2
+_MEASUREMENT_TIME = 1.2
 """Time after the cue in which swing is measured [s]."""
 _TIME_STEP = 0.004
 """Time step of the rollouts [s]."""
-_MAX_CALM_SPEED = 0.015
+_MAX_INVISIBLE_SPEED = 0.015
 """Largest speed of the trunk that is not visible [m/s]."""
 _PAUSE_COST = 4e-4
 """Cost of a second of pause [m^2/s^2]."""
@@ -31,7 +31,7 @@ _N_STARTS = 12
 """Number of pauses to try as starts of the search."""
 
 
-def pause(
+def best_pause(
     marionette: Marionette, x: State, motion: Motion, max_pause: float
 ) -> tuple[float, float, float]:
     """Pause before a motion with the least swing after the motion.
@@ -47,24 +47,24 @@ def pause(
     """
     swing = Swing(marionette, x, motion, max_pause)
     starts = np.linspace(0.0, max_pause, _N_STARTS)
-    values = [swing.cost(p)[0] for p in starts]
-    if not np.isfinite(values[0]):
+    costs = [swing.cost(p)[0] for p in starts]
+    if not np.isfinite(costs[0]):
         return 0.0, 0.0, 0.0
-    before = np.sqrt(values[0])
-    if before <= _MAX_CALM_SPEED:
-        return 0.0, float(before), float(before)
-    best = starts[int(np.argmin(values))]
+    speed_before = np.sqrt(costs[0])
+    if speed_before <= _MAX_INVISIBLE_SPEED:
+        return 0.0, float(speed_before), float(speed_before)
+    best_start = starts[int(np.argmin(costs))]
     minimum = minimize(
         lambda p: swing.cost(float(p[0]), gradient=True),
-        [best],
+        [best_start],
         jac=True,
         method="L-BFGS-B",
         bounds=[(0.0, max_pause)],
         options={"maxiter": 12, "ftol": 1e-3},
     )
-    p = float(minimum.x[0]) if minimum.fun < values[0] else 0.0
-    after = np.sqrt(max(swing.cost(p)[0] - _PAUSE_COST * p, 0.0))
-    return p, float(before), float(after)
+    p = float(minimum.x[0]) if minimum.fun < costs[0] else 0.0
+    speed_after = np.sqrt(max(swing.cost(p)[0] - _PAUSE_COST * p, 0.0))
+    return p, float(speed_before), float(speed_after)
 
 
 class Swing:
@@ -73,47 +73,57 @@ class Swing:
     def __init__(self, marionette: Marionette, x: State, motion: Motion, max_pause: float):
         self._marionette, self._x, self._motion = marionette, x, motion
         self._duration = float(motion.breaks[-1])
-        self._steps = int(np.ceil((max_pause + self._duration + _MEASURED_TIME) / _TIME_STEP))
+        self._n_steps = int(np.ceil((max_pause + self._duration + _MEASUREMENT_TIME) / _TIME_STEP))
         table = marionette.coordinates
-        trunk = [v for _, v in table.scalars_D if table.v_D[v].endswith((".x", ".y", ".z"))]
+        trunk_indices = [v for _, v in table.scalars_D if table.v_D[v].endswith((".x", ".y", ".z"))]
         self._weights = np.zeros(table.n_vD)
-        self._weights[trunk or slice(None)] = 1.0
+        self._weights[trunk_indices or slice(None)] = 1.0
 
     def cost(self, p: float, gradient: bool = False) -> tuple[float, Array]:
         """Cost of a pause p [s], and its derivative (1,), which is 0 without ``gradient``.
 
         The cost is infinite if the rollout stops.
         """
-        t = np.asarray(_TIME_STEP * np.arange(self._steps + 1) - p, dtype=float)
-        rates, changes = self._hands(t)
+        t = np.asarray(_TIME_STEP * np.arange(self._n_steps + 1) - p, dtype=float)
+        rates, accelerations = self._hand_rates(t)
         acc = np.diff(rates, axis=0) / _TIME_STEP
         rollout = self._marionette.rollout(self._x, acc, dt=_TIME_STEP, throw=False)
         if rollout.steps < len(acc):
             return np.inf, np.zeros(1)
         # The window begins and ends between two steps, so that it moves smoothly with p.
-        since, until = (
+        steps_since, steps_until = (
             (t - self._duration) / _TIME_STEP,
-            (self._duration + _MEASURED_TIME - t) / _TIME_STEP,
+            (self._duration + _MEASUREMENT_TIME - t) / _TIME_STEP,
         )
-        share = np.clip(np.minimum(since, until), 0.0, 1.0)
-        share_rate = (
-            np.where(since < until, 1.0, -1.0) * ((share > 0.0) & (share < 1.0)) / _TIME_STEP
+        weight = np.clip(np.minimum(steps_since, steps_until), 0.0, 1.0)
+        weight_rate = (
+            np.where(steps_since < steps_until, 1.0, -1.0)
+            * ((weight > 0.0) & (weight < 1.0))
+            / _TIME_STEP
         )
-        squares = rollout.v_D * rollout.v_D @ self._weights * _TIME_STEP / _MEASURED_TIME
-        value = float(share @ squares) + _PAUSE_COST * p
+        squared_speeds = rollout.v_D * rollout.v_D @ self._weights * _TIME_STEP / _MEASUREMENT_TIME
+        value = float(weight @ squared_speeds) + _PAUSE_COST * p
         if not gradient:
             return value, np.zeros(1)
-        by_v = 2.0 * self._weights * rollout.v_D * share[:, None] * _TIME_STEP / _MEASURED_TIME
-        by_acc = rollout.gradient(v_D=by_v).acc_K
-        by_p = -np.diff(changes, axis=0) / _TIME_STEP
-        slope = float(np.sum(by_acc * by_p)) - float(share_rate @ squares) + _PAUSE_COST
+        gradient_v = (
+            2.0 * self._weights * rollout.v_D * weight[:, None] * _TIME_STEP / _MEASUREMENT_TIME
+        )
+        gradient_acc = rollout.gradient(v_D=gradient_v).acc_K
+        acc_by_pause = -np.diff(accelerations, axis=0) / _TIME_STEP
+        slope = (
+            float(np.sum(gradient_acc * acc_by_pause))
+            - float(weight_rate @ squared_speeds)
+            + _PAUSE_COST
+        )
         return value, np.array([slope])
 
-    def _hands(self, t: Array) -> tuple[Array, Array]:
+    def _hand_rates(self, t: Array) -> tuple[Array, Array]:
         """(T, n_vK) rates of the hands and their derivatives, at times since the beginning (T,)."""
         breaks, coef = self._motion.breaks, self._motion.coef
-        inside = np.clip(t, 0.0, self._duration)
-        i = np.clip(np.searchsorted(breaks, inside, side="right") - 1, 0, len(coef) - 1)
-        _, rates, changes = polynomial.evaluate(coef[i], (inside - breaks[i])[:, None])
-        still = ((t < 0.0) | (t > self._duration))[:, None]
-        return np.where(still, 0.0, rates), np.where(still, 0.0, changes)
+        clipped = np.clip(t, 0.0, self._duration)
+        piece = np.clip(np.searchsorted(breaks, clipped, side="right") - 1, 0, len(coef) - 1)
+        _, rates, accelerations = polynomial.evaluate(
+            coef[piece], (clipped - breaks[piece])[:, None]
+        )
+        is_outside = ((t < 0.0) | (t > self._duration))[:, None]
+        return np.where(is_outside, 0.0, rates), np.where(is_outside, 0.0, accelerations)

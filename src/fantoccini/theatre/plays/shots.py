@@ -8,11 +8,11 @@ import numpy as np
 
 from fantoccini.base import nearest
 from fantoccini.dynamics.compiled import relations
-from fantoccini.theatre.cast import Cast, Places, when_of_shot
+from fantoccini.theatre.cast import Cast, Places, shot_time_keys
 from fantoccini.theatre.plays.placing import Placement
 from fantoccini.theatre.script import PlayCue, PlayFile, ScriptLog, Timeline
 
-_EVERYTHING = "all"
+_WHOLE_STAGE = "all"
 """Name in `at` of the whole stage."""
 
 
@@ -40,17 +40,21 @@ class Shot:
 
 def check_shots(file: PlayFile, log: ScriptLog) -> None:
     """Records unknown names in shots, and places listed together with other names."""
-    moving = {*file.cast, *file.props}
-    still = {*file.stage.marks, *(obstacle.name for obstacle in file.stage.obstacles), _EVERYTHING}
-    known = sorted(moving | still)
-    for a, act in enumerate(file.acts):
-        for i, shot in enumerate(act.camera):
-            spot = ("acts", a, "camera", i, "at")
+    moving_names = {*file.cast, *file.props}
+    fixed_names = {
+        *file.stage.marks,
+        *(obstacle.name for obstacle in file.stage.obstacles),
+        _WHOLE_STAGE,
+    }
+    all_names = sorted(moving_names | fixed_names)
+    for act_index, act in enumerate(file.acts):
+        for shot_index, shot in enumerate(act.camera):
+            spot = ("acts", act_index, "camera", shot_index, "at")
             for name in shot.at:
-                if name not in known:
+                if name not in all_names:
                     text = f"no player, prop, mark or obstacle is called {name!r}"
-                    log.mistakes.add(spot, text + nearest(name, known))
-                elif name in still and len(shot.at) > 1:
+                    log.mistakes.add(spot, text + nearest(name, all_names))
+                elif name in fixed_names and len(shot.at) > 1:
                     text = f"found {name!r} with others; needed: players and props, or one place"
                     log.mistakes.add(spot, text)
 
@@ -65,18 +69,23 @@ def shots_of(
         beat: duration of a beat [s].
     """
     shots = []
-    for a, act in enumerate(cast.file.acts):
-        for i, shot in enumerate(act.camera):
-            ref, start = timeline.refs[when_of_shot(a, i)], placement.act_starts[a]
-            (name, *_), moving = shot.at, {*cast.file.cast, *cast.file.props}
-            bodies = _bodies(cast, shot.at) if name in moving else ()
-            still = None if name in moving or name == _EVERYTHING else places.fixed_place(name)
+    for act_index, act in enumerate(cast.file.acts):
+        for shot_index, shot in enumerate(act.camera):
+            reference, start = (
+                timeline.refs[shot_time_keys(act_index, shot_index)],
+                placement.act_starts[act_index],
+            )
+            (name, *_), moving_names = shot.at, {*cast.file.cast, *cast.file.props}
+            bodies = _bodies(cast, shot.at) if name in moving_names else ()
+            fixed_place = (
+                None if name in moving_names or name == _WHOLE_STAGE else places.fixed_place(name)
+            )
             shots.append(
                 Shot(
-                    timeline.time(ref, start, placement.moments),
+                    timeline.time(reference, start, placement.moments),
                     shot.over * beat,
                     bodies,
-                    None if still is None else (still.real, still.imag),
+                    None if fixed_place is None else (fixed_place.real, fixed_place.imag),
                     shot.from_,
                     shot.above,
                     shot.zoom,
@@ -87,7 +96,7 @@ def shots_of(
 
 def _bodies(cast: Cast, names: tuple[str, ...]) -> tuple[str, ...]:
     """Bodies in the scene of players and props, without controls and other driven bodies."""
-    tree, n_D = cast.whole.tree, cast.whole.coordinates.n_vD
+    tree, n_D = cast.marionette.tree, cast.marionette.coordinates.n_vD
     moves_freely = np.any(relations(tree)[0][:, :n_D], axis=1)
     return tuple(
         link.name

@@ -13,15 +13,15 @@ from fantoccini.base import Array, Indices, Status
 from fantoccini.model.tree import CoordinateTable
 from fantoccini.motion import LEDGER, Columns, ContactPoints, EventRecord, Trajectory
 from fantoccini.theatre.cast import Cast, PropState
-from fantoccini.theatre.plays.runs import ENERGIES, Run, Runs, prop_states
+from fantoccini.theatre.plays.runs import ENERGY_COLUMNS, Run, Runs, prop_end_state
 
-SAMPLE = 0.005
+SAMPLE_INTERVAL = 0.005
 """Time between samples [s]."""
-_MOTION = ("q_D", "v_D", "acc_D", "q_K", "v_K", "acc_K")
+_MOTION_ARRAYS = ("q_D", "v_D", "acc_D", "q_K", "v_K", "acc_K")
 """Arrays of a trajectory with the motion."""
 
 
-def together(cast: Cast, runs: Runs, sample: float = SAMPLE) -> Trajectory:
+def combine_runs(cast: Cast, runs: Runs, interval: float = SAMPLE_INTERVAL) -> Trajectory:
     """Run of the stage, until the first of the players' runs ends.
 
     The ledger is the sum over the companies, without energies of a prop that stands by itself. A
@@ -31,51 +31,51 @@ def together(cast: Cast, runs: Runs, sample: float = SAMPLE) -> Trajectory:
     Args:
         cast: cast of the play.
         runs: runs of all companies.
-        sample: time between samples [s].
+        interval: time between samples [s].
     """
     end = min(float(run.t[-1]) for run in runs.players.values())
-    t = np.append(np.arange(0.0, end - 0.5 * sample, sample), end)
-    whole = _Whole(cast, t)
+    t = np.append(np.arange(0.0, end - 0.5 * interval, interval), end)
+    stage = _StageColumns(cast, t)
     for name in cast.props:
-        whole.set_prop(name, -1.0, cast.prop_states[name])
+        stage.set_prop(name, -1.0, cast.prop_states[name])
     for run in runs.companies:
-        whole.add(run)
-    first = runs.companies[0].whole
+        stage.add(run)
+    first = runs.companies[0].trajectory
     statuses = [run.status for run in runs.players.values()]
-    default = Status.STOPPED if runs.stops else Status.DONE
-    status = next((status for status in statuses if status is not Status.DONE), default)
-    columns = {name: column.like(whole.values[name]) for name, column in whole.columns.items()}
-    parts = whole.parts
+    usual_status = Status.STOPPED if runs.stops else Status.DONE
+    status = next((status for status in statuses if status is not Status.DONE), usual_status)
+    columns = {name: column.like(stage.values[name]) for name, column in stage.columns.items()}
+    arrays = stage.arrays
     return Trajectory(
         t,
-        parts["q_D"],
-        parts["v_D"],
-        parts["acc_D"],
-        parts["q_K"],
-        parts["v_K"],
-        parts["acc_K"],
+        arrays["q_D"],
+        arrays["v_D"],
+        arrays["acc_D"],
+        arrays["q_K"],
+        arrays["v_K"],
+        arrays["acc_K"],
         columns["tension"],
         columns["limit_force"],
         columns["taut"],
-        first.ledger.like(whole.ledger),
-        tuple(sorted(whole.events, key=lambda e: e.t)),
+        first.ledger.like(stage.ledger),
+        tuple(sorted(stage.events, key=lambda e: e.t)),
         status,
         first.method,
-        cast.whole.coordinates,
-        cast.whole.described,
+        cast.marionette.coordinates,
+        cast.marionette.described,
         violation=columns["violation"],
         slip=columns["slip"],
-        contact=_joined(whole.points),
+        contact=_joined(stage.points),
     )
 
 
-class _Whole:
+class _StageColumns:
     """Columns of the stage's run while companies are added, in order of their beginnings."""
 
     def __init__(self, cast: Cast, t: Array):
-        self._cast, self._t, self._table = cast, t, cast.whole.coordinates
-        tree, n = cast.whole.tree, len(t)
-        self.parts = {name: np.zeros((n, _width(self._table, name))) for name in _MOTION}
+        self._cast, self._t, self._table = cast, t, cast.marionette.coordinates
+        tree, n = cast.marionette.tree, len(t)
+        self.arrays = {name: np.zeros((n, _width(self._table, name))) for name in _MOTION_ARRAYS}
         strings = tuple(string.name for string in tree.strings)
         limits = tuple(limit.name for limit in tree.limits)
         self.columns = {
@@ -90,56 +90,62 @@ class _Whole:
         self.events: list[EventRecord] = []
         self.points: list[ContactPoints] = []
 
-    def set_prop(self, name: str, since: float, state: PropState) -> None:
+    def set_prop(self, name: str, start_time: float, state: PropState) -> None:
         """Sets the state of a prop that stands after a time [s]."""
         q, v = self._table.q_D.index(f"{name}.x"), self._table.v_D.index(f"{name}.x")
-        later = self._t > since
-        self.parts["q_D"][later, q : q + 7] = state[0]
-        for part in ("v_D", "acc_D"):
-            self.parts[part][later, v : v + 6] = 0.0
+        is_later = self._t > start_time
+        self.arrays["q_D"][is_later, q : q + 7] = state[0]
+        for array_name in ("v_D", "acc_D"):
+            self.arrays[array_name][is_later, v : v + 6] = 0.0
 
     def add(self, run: Run) -> None:
         """Adds a company's run, at its time."""
-        inside = np.flatnonzero((self._t >= run.begin) & (self._t <= run.end))
-        if len(inside):
-            self._put(run, inside)
-        for name in run.staged.props:
-            self.set_prop(name, run.end, prop_states(run, name, still=True))
+        indices = np.flatnonzero((self._t >= run.begin) & (self._t <= run.end))
+        if len(indices):
+            self._add_samples(run, indices)
+        for name in run.scene.props:
+            self.set_prop(name, run.end, prop_end_state(run, name, at_rest=True))
         # Losses remain after its end.
-        energies = np.array([name in ENERGIES for name in LEDGER])
-        self.ledger[self._t > run.end] += np.where(energies, 0.0, run.whole.ledger.values[-1])
-        for event in run.whole.events:
-            name = "|".join(self._named(run, part) for part in event.name.split("|") if part)
+        is_energy = np.array([name in ENERGY_COLUMNS for name in LEDGER])
+        self.ledger[self._t > run.end] += np.where(is_energy, 0.0, run.trajectory.ledger.values[-1])
+        for event in run.trajectory.events:
+            name = "|".join(self._stage_name(run, part) for part in event.name.split("|") if part)
             self.events.append(dataclasses.replace(event, t=run.begin + event.t, name=name))
 
-    def _put(self, run: Run, inside: Indices) -> None:
+    def _add_samples(self, run: Run, indices: Indices) -> None:
         """Sets the samples of a company's run."""
-        own = run.whole.resample(self._t[inside] - run.begin)
-        for part in _MOTION:
-            kind = _kind(part)
-            all_names = getattr(self._table, kind)
-            names = getattr(own.coordinates, kind)
-            places = [all_names.index(self._named(run, name)) for name in names]
-            self.parts[part][np.ix_(inside, np.array(places))] = getattr(own, part)
+        samples = run.trajectory.resample(self._t[indices] - run.begin)
+        for array_name in _MOTION_ARRAYS:
+            name_list = _name_list(array_name)
+            all_names = getattr(self._table, name_list)
+            names = getattr(samples.coordinates, name_list)
+            coordinates = [all_names.index(self._stage_name(run, name)) for name in names]
+            self.arrays[array_name][np.ix_(indices, np.array(coordinates))] = getattr(
+                samples, array_name
+            )
         for quantity, stage_columns in self.columns.items():
-            own_columns: Columns | None = getattr(own, quantity)
-            if own_columns is not None:
+            company_columns: Columns | None = getattr(samples, quantity)
+            if company_columns is not None:
                 columns = [
-                    stage_columns.names.index(self._named(run, name)) for name in own_columns.names
+                    stage_columns.names.index(self._stage_name(run, name))
+                    for name in company_columns.names
                 ]
-                cells = np.ix_(inside, np.array(columns, dtype=int))
-                self.values[quantity][cells] = own_columns.values
+                cells = np.ix_(indices, np.array(columns, dtype=int))
+                self.values[quantity][cells] = company_columns.values
         # At a change of companies, only the earlier one counts.
-        first = (self._t[inside] == run.begin) & (run.begin > 0.0)
-        self.ledger[inside] += np.where(first[:, None], 0.0, own.ledger.values)
-        if own.contact is not None:
-            names = tuple((self._named(run, a), self._named(run, b)) for a, b in own.contact.names)
-            sample = inside[own.contact.sample]
-            self.points.append(dataclasses.replace(own.contact, sample=sample, names=names))
+        is_first = (self._t[indices] == run.begin) & (run.begin > 0.0)
+        self.ledger[indices] += np.where(is_first[:, None], 0.0, samples.ledger.values)
+        if samples.contact is not None:
+            names = tuple(
+                (self._stage_name(run, a), self._stage_name(run, b))
+                for a, b in samples.contact.names
+            )
+            sample = indices[samples.contact.sample]
+            self.points.append(dataclasses.replace(samples.contact, sample=sample, names=names))
 
-    def _named(self, run: Run, name: str) -> str:
+    def _stage_name(self, run: Run, name: str) -> str:
         """Name on the stage of a name in a company's scene."""
-        return self._cast.scene_name(run.staged.on_stage(name))
+        return self._cast.scene_name(run.scene.on_stage(name))
 
 
 def _joined(points: list[ContactPoints]) -> ContactPoints | None:
@@ -163,9 +169,9 @@ def _joined(points: list[ContactPoints]) -> ContactPoints | None:
     return ContactPoints(sample=sample[order], pair=pair[order], names=names, **arrays)
 
 
-def _kind(part: str) -> str:
-    return f"{'q' if part[0] == 'q' else 'v'}_{part[-1]}"
+def _name_list(array_name: str) -> str:
+    return f"{'q' if array_name[0] == 'q' else 'v'}_{array_name[-1]}"
 
 
-def _width(table: CoordinateTable, part: str) -> int:
-    return int(getattr(table, f"n_{_kind(part)[0]}{part[-1]}"))
+def _width(table: CoordinateTable, array_name: str) -> int:
+    return int(getattr(table, f"n_{_name_list(array_name)[0]}{array_name[-1]}"))

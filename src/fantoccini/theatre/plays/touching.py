@@ -27,27 +27,27 @@ class Touch:
 
     Attributes:
         t: time at which it begins [s].
-        what, other: names of bodies, strings (``string pierrot.head``) or obstacles.
+        first, second: names of bodies, strings (``string pierrot.head``) or obstacles.
         distance: least distance until they are apart again [m]; below 0 they overlap.
         crosses: whether two strings pass through each other.
     """
 
     t: float
-    what: str
-    other: str
+    first: str
+    second: str
     distance: float
     crosses: bool = False
 
     def __str__(self) -> str:
         if self.crosses:
-            return f"{self.what} would cross {self.other}"
+            return f"{self.first} would cross {self.second}"
         if self.distance < 0.0:
-            return f"{self.what} would be {-1e3 * self.distance:.0f} mm inside {self.other}"
-        return f"{self.what} would come within {1e3 * self.distance:.0f} mm of {self.other}"
+            return f"{self.first} would be {-1e3 * self.distance:.0f} mm inside {self.second}"
+        return f"{self.first} would come within {1e3 * self.distance:.0f} mm of {self.second}"
 
 
-def touches(
-    cast: Cast, run: Trajectory, meetings: Sequence[Meeting] = (), every: int = SAMPLE_STRIDE
+def find_touches(
+    cast: Cast, run: Trajectory, meetings: Sequence[Meeting] = (), stride: int = SAMPLE_STRIDE
 ) -> list[Touch]:
     """Pairs that come nearer than the stage allows, in order of time.
 
@@ -60,36 +60,38 @@ def touches(
         cast: cast of the play.
         run: run of the stage.
         meetings: players and props that may touch, with times.
-        every: stride of the measured samples.
+        stride: stride of the measured samples.
     """
-    path = Path.of(cast.whole, run, every)
+    path = Path.of(cast.marionette, run, stride)
     t, q_D, q_K = path.t, path.q_D, path.q_K
     # Props do not move by themselves: they may touch their supports at all times.
-    stand = {
+    supported = {
         (name, prop_file.on)
         for name, prop_file in cast.file.props.items()
         if prop_file.on is not None
     }
-    always = {frozenset(pair) for pair in stand}
+    always_allowed = {frozenset(pair) for pair in supported}
     for pair in {pair for meeting in meetings for pair in meeting.pairs}:
         if not any(cast.owner(cast.scene_name(name)) in cast.players for name in pair):
-            always.add(pair)
-    string_distances = StringsApart(cast.whole, own=False)
-    bodies, strings = list[_Near](), dict[Pair, Touch]()
-    for begin, end, present in _windows(t, meetings):
-        rules, window = _Rules(cast, present, always), slice(begin, end)
-        for near in rules.bodies(path.part(begin, end)):
-            bodies.append(replace(near, first=begin + near.first, last=begin + near.last))
+            always_allowed.add(pair)
+    string_distances = StringsApart(cast.marionette, own=False)
+    body_intervals, string_touches = list[_TouchInterval](), dict[Pair, Touch]()
+    for begin, end, present_meetings in _windows(t, meetings):
+        rules, window = _DistanceRules(cast, present_meetings, always_allowed), slice(begin, end)
+        for interval in rules.bodies(path.part(begin, end)):
+            body_intervals.append(
+                replace(interval, first=begin + interval.first, last=begin + interval.last)
+            )
         motion = string_distances.motion(q_D[window], q_K[window], t[window])
         for touch in rules.strings(motion):
-            strings.setdefault(frozenset((touch.what, touch.other)), touch)
-    all_touches = [*_merged(bodies), *strings.values()]
+            string_touches.setdefault(frozenset((touch.first, touch.second)), touch)
+    all_touches = [*_merge_touches(body_intervals), *string_touches.values()]
     for crossing in string_distances.motion(q_D, q_K, t).crossings():
         names = f"string {crossing.what}", f"string {crossing.other}"
         all_touches.append(Touch(crossing.t, *names, 0.0, crosses=True))
     leashes = {f"string {name}" for name in cast.file.leashes}
-    all_touches = [touch for touch in all_touches if not {touch.what, touch.other} & leashes]
-    return sorted(all_touches, key=lambda touch: (touch.t, touch.what, touch.other))
+    all_touches = [touch for touch in all_touches if not {touch.first, touch.second} & leashes]
+    return sorted(all_touches, key=lambda touch: (touch.t, touch.first, touch.second))
 
 
 def _windows(
@@ -99,69 +101,85 @@ def _windows(
 
     Between two such spans the meetings of both are allowed.
     """
-    on = np.array([(t >= meeting.begin) & (t <= meeting.end) for meeting in meetings], dtype=bool)
-    on = on.reshape(len(meetings), len(t))
-    changes = np.flatnonzero(np.any(on[:, 1:] != on[:, :-1], axis=0)) + 1
+    is_present = np.array(
+        [(t >= meeting.begin) & (t <= meeting.end) for meeting in meetings], dtype=bool
+    )
+    is_present = is_present.reshape(len(meetings), len(t))
+    changes = np.flatnonzero(np.any(is_present[:, 1:] != is_present[:, :-1], axis=0)) + 1
 
     def selected(mask: MaskRows) -> tuple[Meeting, ...]:
         return tuple(meetings[i] for i in np.flatnonzero(mask).tolist())
 
     for begin, end in pairwise([0, *changes.tolist(), len(t)]):
-        yield begin, end, selected(on[:, begin])
+        yield begin, end, selected(is_present[:, begin])
         if end < len(t):
-            yield end - 1, end + 1, selected(on[:, end - 1] | on[:, end])
+            yield end - 1, end + 1, selected(is_present[:, end - 1] | is_present[:, end])
 
 
-class _Rules:
+class _DistanceRules:
     """Distances to keep during a time with the same meetings.
 
     Args:
         cast: cast of the play.
-        present: meetings of that time.
-        always: pairs that may touch at all times.
+        present_meetings: meetings of that time.
+        always_allowed: pairs that may touch at all times.
     """
 
-    def __init__(self, cast: Cast, present: Sequence[Meeting], always: Iterable[Pair]):
-        whole, clear = cast.whole, cast.file.stage.clear
-        self._cast, self._clear = cast, clear
-        self._groups = [{*meeting.players, *meeting.props, *_seat(meeting)} for meeting in present]
-        names = [link.name for link in whole.tree.links]
-        names += [obstacle.name for obstacle in Clearance(whole, strings=False).obstacles]
-        all_pairs = {frozenset(pair) for pair in combinations(dict.fromkeys(names), 2)}
-        allowed = {
-            frozenset(map(cast.scene_name, pair)) for meeting in present for pair in meeting.pairs
+    def __init__(
+        self, cast: Cast, present_meetings: Sequence[Meeting], always_allowed: Iterable[Pair]
+    ):
+        marionette, min_distance = cast.marionette, cast.file.stage.clear
+        self._cast, self._min_distance = cast, min_distance
+        self._groups = [
+            {*meeting.players, *meeting.props, *_seat(meeting)} for meeting in present_meetings
+        ]
+        part_names = [link.name for link in marionette.tree.links]
+        part_names += [obstacle.name for obstacle in Clearance(marionette, strings=False).obstacles]
+        all_pairs = {frozenset(pair) for pair in combinations(dict.fromkeys(part_names), 2)}
+        allowed_pairs = {
+            frozenset(map(cast.scene_name, pair))
+            for meeting in present_meetings
+            for pair in meeting.pairs
         }
-        allowed.update(always)
-        floor = {pair for pair in all_pairs if FLOOR in pair}
-        above_floor = floor - allowed - {frozenset((name, FLOOR)) for name in cast.props}
-        handling = {pair for pair in all_pairs - floor - allowed if self._is_handling(*pair)}
-        self._bodies = [(Clearance(whole, free=floor | allowed | handling), clear)]
-        for pairs, distance in ((handling, HANDLING_DISTANCE), (above_floor, 0.0)):
+        allowed_pairs.update(always_allowed)
+        floor_pairs = {pair for pair in all_pairs if FLOOR in pair}
+        above_floor_pairs = (
+            floor_pairs - allowed_pairs - {frozenset((name, FLOOR)) for name in cast.props}
+        )
+        handling_pairs = {
+            pair for pair in all_pairs - floor_pairs - allowed_pairs if self._is_handling(*pair)
+        }
+        self._bodies = [
+            (Clearance(marionette, free=floor_pairs | allowed_pairs | handling_pairs), min_distance)
+        ]
+        for pairs, distance in ((handling_pairs, HANDLING_DISTANCE), (above_floor_pairs, 0.0)):
             if pairs:
-                clearance = Clearance(whole, strings=False, free=all_pairs - pairs)
+                clearance = Clearance(marionette, strings=False, free=all_pairs - pairs)
                 self._bodies.append((clearance, distance))
 
-    def bodies(self, path: Path) -> Iterator[_Near]:
+    def bodies(self, path: Path) -> Iterator[_TouchInterval]:
         """Touches of bodies with others and with obstacles, and of strings with obstacles."""
         for clearance, distance in self._bodies:
-            for near in _near(clearance, path, distance):
-                if not self._allowed(near.touch):
-                    yield near
+            for interval in _near_intervals(clearance, path, distance):
+                if not self._is_allowed(interval.touch):
+                    yield interval
 
     def strings(self, motion: StringMotion) -> Iterator[Touch]:
         """First touches of strings with those of others, and with others' bodies."""
-        for distance in (self._clear, HANDLING_DISTANCE) if self._groups else (self._clear,):
-            near = motion.nearer_than(distance)
-            for pair in (*near.strings, *near.bodies):
-                what = f"string {pair.what}"
-                other = f"string {pair.other}" if pair in near.strings else pair.other
-                touch = Touch(pair.t, what, other, pair.distance)
-                if not self._allowed(touch):
+        for distance in (
+            (self._min_distance, HANDLING_DISTANCE) if self._groups else (self._min_distance,)
+        ):
+            approaches = motion.nearer_than(distance)
+            for pair in (*approaches.strings, *approaches.bodies):
+                first = f"string {pair.what}"
+                second = f"string {pair.other}" if pair in approaches.strings else pair.other
+                touch = Touch(pair.t, first, second, pair.distance)
+                if not self._is_allowed(touch):
                     yield touch
 
-    def _allowed(self, touch: Touch) -> bool:
+    def _is_allowed(self, touch: Touch) -> bool:
         """Whether a prop and the players that handle it are near, but do not touch."""
-        return touch.distance >= HANDLING_DISTANCE and self._is_handling(touch.what, touch.other)
+        return touch.distance >= HANDLING_DISTANCE and self._is_handling(touch.first, touch.second)
 
     def _is_handling(self, first: str, second: str) -> bool:
         """Whether one of the two is handled by the other in a meeting."""
@@ -176,7 +194,7 @@ def _seat(meeting: Meeting) -> set[str]:
 
 
 @dataclass(frozen=True)
-class _Near:
+class _TouchInterval:
     """Touch with the samples of its beginning and end."""
 
     touch: Touch
@@ -184,32 +202,34 @@ class _Near:
     last: int
 
 
-def _near(clearance: Clearance, path: Path, clear: float) -> Iterator[_Near]:
+def _near_intervals(
+    clearance: Clearance, path: Path, min_distance: float
+) -> Iterator[_TouchInterval]:
     """Intervals in which a part is nearer to another than the clearance."""
     for name, part in clearance.parts().items():
-        at, distance = part.distances_along(path, clear)
-        near = distance < clear
-        for k in np.flatnonzero(near & ~np.append(False, near[:-1])):
-            end = int(k) + int(np.argmin(np.append(near[k:], False)))
-            worst = int(k) + int(np.argmin(distance[k:end]))
-            nearest = part.pair_at(at.q_D[worst], at.q_K[worst])
-            other = nearest.other if nearest.what == name else nearest.what
-            touch = Touch(float(at.t[k]), name, other, float(distance[worst]))
-            yield _Near(touch, int(at.piece[k]), int(at.piece[end - 1]))
+        samples, distance = part.distances_along(path, min_distance)
+        is_near = distance < min_distance
+        for k in np.flatnonzero(is_near & ~np.append(False, is_near[:-1])):
+            end = int(k) + int(np.argmin(np.append(is_near[k:], False)))
+            closest = int(k) + int(np.argmin(distance[k:end]))
+            nearest_pair = part.pair_at(samples.q_D[closest], samples.q_K[closest])
+            other_name = nearest_pair.other if nearest_pair.what == name else nearest_pair.what
+            touch = Touch(float(samples.t[k]), name, other_name, float(distance[closest]))
+            yield _TouchInterval(touch, int(samples.piece[k]), int(samples.piece[end - 1]))
 
 
-def _merged(entries: Iterable[_Near]) -> list[Touch]:
+def _merge_touches(entries: Iterable[_TouchInterval]) -> list[Touch]:
     """Touches; those that continue across changes of meetings are joined."""
-    merged = list[_Near]()
-    for near in sorted(entries, key=lambda near: near.first):
-        names = {near.touch.what, near.touch.other}
-        for i, before in enumerate(merged):
-            same = {before.touch.what, before.touch.other} == names
-            if same and before.last >= near.first - 1:
-                distance = min(before.touch.distance, near.touch.distance)
-                touch = replace(before.touch, distance=distance)
-                merged[i] = replace(before, touch=touch, last=max(before.last, near.last))
+    merged = list[_TouchInterval]()
+    for interval in sorted(entries, key=lambda interval: interval.first):
+        names = {interval.touch.first, interval.touch.second}
+        for i, earlier in enumerate(merged):
+            is_same = {earlier.touch.first, earlier.touch.second} == names
+            if is_same and earlier.last >= interval.first - 1:
+                distance = min(earlier.touch.distance, interval.touch.distance)
+                touch = replace(earlier.touch, distance=distance)
+                merged[i] = replace(earlier, touch=touch, last=max(earlier.last, interval.last))
                 break
         else:
-            merged.append(near)
-    return [near.touch for near in merged]
+            merged.append(interval)
+    return [interval.touch for interval in merged]

@@ -14,13 +14,13 @@ from fantoccini.dynamics.clearance import StringsApart, Winding
 from fantoccini.motion import EventKind, Trajectory
 from fantoccini.theatre.cast import CannotBegin, OutOfTime, Stop
 from fantoccini.theatre.gestures import lateness, limits, names_and_units
-from fantoccini.theatre.plays.handled import failures
-from fantoccini.theatre.plays.leashes import stretches
+from fantoccini.theatre.plays.failures import find_failures
+from fantoccini.theatre.plays.leashes import find_stretches
 from fantoccini.theatre.plays.placing import IN_TIME
 from fantoccini.theatre.plays.play import CueOfPlay, Play
 from fantoccini.theatre.plays.rounds import PEAK_TOLERANCE
-from fantoccini.theatre.plays.stage_run import together
-from fantoccini.theatre.plays.touching import SAMPLE_STRIDE, Touch, touches
+from fantoccini.theatre.plays.stage_run import combine_runs
+from fantoccini.theatre.plays.touching import SAMPLE_STRIDE, Touch, find_touches
 from fantoccini.theatre.script import LATE, START
 
 _MAX_REST_RATE = 1e-6
@@ -37,7 +37,7 @@ class CueTime:
         cue: cue of the play.
         who: player of the cue.
         wanted, observed: wanted time, and time in the event-driven run [s].
-        limb: whether the time is that of a limb's turn at the mark; otherwise it is that of the
+        is_limb_time: whether it is the time of a limb's turn at the mark; otherwise that of the
             hands.
     """
 
@@ -45,10 +45,10 @@ class CueTime:
     who: str
     wanted: float
     observed: float
-    limb: bool
+    is_limb_time: bool
 
     @property
-    def late(self) -> float:
+    def lateness(self) -> float:
         """Lateness [s]."""
         return self.observed - self.wanted
 
@@ -68,8 +68,8 @@ class Verification:
         catches: string -> number of its catches.
         space: extent of the hands' motion: ((low, high) of x, (low, high) of y) [m].
         windings: pairs of strings that are wound around each other.
-        stepped: reasons why parts with touches were simulated in time steps: stops of their
-            event-driven run.
+        stepping_reasons: reasons why parts with touches were simulated in time steps: stops of
+            their event-driven run.
     """
 
     play: Play
@@ -82,7 +82,7 @@ class Verification:
     catches: Mapping[str, int]
     space: tuple[tuple[float, float], tuple[float, float]]
     windings: tuple[Winding, ...] = field(default=(), repr=False)
-    stepped: tuple[str, ...] = ()
+    stepping_reasons: tuple[str, ...] = ()
 
     def __bool__(self) -> bool:
         return not self.faults
@@ -92,9 +92,9 @@ class Verification:
         return f"<Verification of {self.play.name!r}: {verdict}>"
 
     @property
-    def worst(self) -> float:
+    def max_lateness(self) -> float:
         """Largest lateness of a cue, late or early [s]."""
-        return max((abs(cue.late) for cue in self.cues), default=0.0)
+        return max((abs(cue.lateness) for cue in self.cues), default=0.0)
 
 
 def verify_play(play: Play, *, within: float | None = None) -> Verification:
@@ -129,22 +129,24 @@ def verify_play(play: Play, *, within: float | None = None) -> Verification:
     except CannotBegin as error:
         text = _stop_in_words(play, error.stop)
         raise play.located.error([(("cast", error.stop.players[0]), text)], FileError) from None
-    run = together(play.cast, runs)
+    run = combine_runs(play.cast, runs)
     faults += [
         f"{failure.text}, in {play.when(failure.t)}"
-        for failure in failures(play.cast, play.meetings, runs)
+        for failure in find_failures(play.cast, play.meetings, runs)
     ]
     faults += [_stop_in_words(play, stop) for stop in runs.stops]
-    all_touches = tuple(touches(play.cast, run, play.meetings))
+    all_touches = tuple(find_touches(play.cast, run, play.meetings))
     faults += [f"{touch}, in {play.when(touch.t)}" for touch in all_touches]
-    faults += [f"{stretch}, in {play.when(stretch.t)}" for stretch in stretches(play.cast, run)]
+    faults += [
+        f"{stretch}, in {play.when(stretch.t)}" for stretch in find_stretches(play.cast, run)
+    ]
     cues = cue_times(play, run)
     for timing in cues:
-        if abs(timing.late) > IN_TIME + 1e-9:
-            side = "late" if timing.late > 0.0 else "early"
+        if abs(timing.lateness) > IN_TIME + 1e-9:
+            side = "late" if timing.lateness > 0.0 else "early"
             faults.append(
                 f"line {timing.cue.line}: {timing.cue.description}: "
-                f"{timing.who} is {1e3 * abs(timing.late):.0f} ms "
+                f"{timing.who} is {1e3 * abs(timing.lateness):.0f} ms "
                 f"{side}, in {play.when(timing.wanted)}"
             )
     faults += [
@@ -152,12 +154,12 @@ def verify_play(play: Play, *, within: float | None = None) -> Verification:
         for wait in play.score.waits
         if (rate := float(np.max(np.abs(play.score.offsets(wait.t)[1])))) > _MAX_REST_RATE
     ]
-    peaks, bound_faults = _peaks(play)
-    space, space_faults = _space(play, run.q_K)
+    peaks, bound_faults = _hand_peaks(play)
+    space, space_faults = _hand_extent(play, run.q_K)
     strings = StringsApart(play.marionette).motion(
         *(x[::SAMPLE_STRIDE] for x in (run.q_D, run.q_K, run.t))
     )
-    wound = tuple(
+    wound_pairs = tuple(
         winding
         for winding in strings.windings()
         if not {winding.what, winding.other} & {*play.cast.file.leashes}
@@ -166,7 +168,7 @@ def verify_play(play: Play, *, within: float | None = None) -> Verification:
     faults += [
         f"strings {winding.what} and {winding.other} are wound around each other by "
         f"{np.max(np.abs(winding.turns - winding.turns[0])):.1f} turns"
-        for winding in wound
+        for winding in wound_pairs
     ]
     faults += [*bound_faults, *space_faults]
     catches = {
@@ -184,8 +186,8 @@ def verify_play(play: Play, *, within: float | None = None) -> Verification:
         tension,
         catches,
         space,
-        wound,
-        tuple(reason for company in runs.companies for reason in company.stepped),
+        wound_pairs,
+        tuple(reason for company in runs.companies for reason in company.stepping_reasons),
     )
 
 
@@ -209,11 +211,11 @@ def _stop_in_words(play: Play, stop: Stop) -> str:
 def cue_times(play: Play, run: Trajectory) -> tuple[CueTime, ...]:
     """Times of all cues that are done, in a run of the play."""
     limb_lateness: dict[tuple[int, str], list[float]] = {}
-    parts = {id(cue): part for cue, part in zip(play.score.cues, play.parts, strict=True)}
-    for late in lateness(play.score, run):
-        number, who = parts[id(late.cue)]
-        if late.mark == play.cues[number - 1].mark:
-            limb_lateness.setdefault((number, who), []).append(late.seconds)
+    cue_and_player = {id(cue): part for cue, part in zip(play.score.cues, play.parts, strict=True)}
+    for limb_lateness_of_cue in lateness(play.score, run):
+        cue_number, who = cue_and_player[id(limb_lateness_of_cue.cue)]
+        if limb_lateness_of_cue.mark == play.cues[cue_number - 1].mark:
+            limb_lateness.setdefault((cue_number, who), []).append(limb_lateness_of_cue.seconds)
     times = []
     for cue in play.cues:
         if cue.refused or cue.start > run.t[-1]:
@@ -221,58 +223,58 @@ def cue_times(play: Play, run: Trajectory) -> tuple[CueTime, ...]:
         if cue.with_prop:
             # Its players begin one after the other: the cue begins with the first.
             wanted = float(np.clip(cue.start, cue.wanted, cue.wanted + cue.max_delay))
-            times.append(CueTime(cue, cue.who[0], wanted, cue.start, limb=False))
+            times.append(CueTime(cue, cue.who[0], wanted, cue.start, is_limb_time=False))
             continue
         for who, marks in cue.marks.items():
-            of_limbs, t = limb_lateness.get((cue.number, who)), marks[cue.mark or START]
-            if of_limbs is not None:
-                t += float(np.mean(of_limbs))
+            limb_times, hand_time = limb_lateness.get((cue.number, who)), marks[cue.mark or START]
+            if limb_times is not None:
+                hand_time += float(np.mean(limb_times))
             # A cue that may be delayed is in time until its largest delay.
-            wanted = float(np.clip(t, cue.wanted, cue.wanted + cue.max_delay))
-            times.append(CueTime(cue, who, wanted, t, of_limbs is not None))
+            wanted = float(np.clip(hand_time, cue.wanted, cue.wanted + cue.max_delay))
+            times.append(CueTime(cue, who, wanted, hand_time, limb_times is not None))
     return tuple(times)
 
 
-def _peaks(play: Play) -> tuple[dict[str, tuple[float, float, float, float]], list[str]]:
+def _hand_peaks(play: Play) -> tuple[dict[str, tuple[float, float, float, float]], list[str]]:
     """Largest speeds and accelerations of the hands, and violations of their bounds."""
     score, table = play.score, play.marionette.coordinates
     bounds = limits(table, score.speed, score.acceleration)
     peaks = score.gesture.peaks
-    largest, faults = {}, []
+    peaks_and_bounds, faults = {}, []
     for v in np.flatnonzero(score.gesture.named):
         name = table.v_K[v]
-        largest[name] = (
+        peaks_and_bounds[name] = (
             float(peaks[0, v]),
             float(bounds[0, v]),
             float(peaks[1, v]),
             float(bounds[1, v]),
         )
         unit = names_and_units(table)[v][1]
-        for row, verb, per in ((0, "moves at", "s"), (1, "changes by", "s^2")):
-            if peaks[row, v] > bounds[row, v] * (1.0 + PEAK_TOLERANCE):
-                piece = int(np.argmax(score.gesture.peaks_of_pieces[:, row, v]))
+        for order, verb, time_unit in ((0, "moves at", "s"), (1, "changes by", "s^2")):
+            if peaks[order, v] > bounds[order, v] * (1.0 + PEAK_TOLERANCE):
+                piece = int(np.argmax(score.gesture.peaks_of_pieces[:, order, v]))
                 when = play.when(score.gesture.breaks[piece])
                 faults.append(
-                    f"{name} {verb} {peaks[row, v]:.3g} {unit}/{per} in {when}; "
-                    f"the bound is {bounds[row, v]:.3g}"
+                    f"{name} {verb} {peaks[order, v]:.3g} {unit}/{time_unit} in {when}; "
+                    f"the bound is {bounds[order, v]:.3g}"
                 )
-    return largest, faults
+    return peaks_and_bounds, faults
 
 
-def _space(
+def _hand_extent(
     play: Play, q_K: np.ndarray
 ) -> tuple[tuple[tuple[float, float], tuple[float, float]], list[str]]:
     """Extent of the hands' motion, and violations of their space."""
     names = play.marionette.coordinates.q_K
     extents, faults = [], []
     space = play.cast.file.stage.space
-    for part, bounds in (("x", space and space.x), ("y", space and space.y)):
-        values = q_K[:, [i for i, name in enumerate(names) if name.endswith(f".{part}")]]
-        low, high = (float(values.min()), float(values.max())) if values.size else (0.0, 0.0)
-        extents.append((low, high))
-        if bounds and not (bounds[0] - 1e-9 <= low and high <= bounds[1] + 1e-9):
+    for axis, bounds in (("x", space and space.x), ("y", space and space.y)):
+        values = q_K[:, [i for i, name in enumerate(names) if name.endswith(f".{axis}")]]
+        lower, upper = (float(values.min()), float(values.max())) if values.size else (0.0, 0.0)
+        extents.append((lower, upper))
+        if bounds and not (bounds[0] - 1e-9 <= lower and upper <= bounds[1] + 1e-9):
             faults.append(
-                f"hands move from {part} = {low:.3f} to {high:.3f} m; "
+                f"hands move from {axis} = {lower:.3f} to {upper:.3f} m; "
                 f"their space is {bounds[0]:g} to {bounds[1]:g} m"
             )
     return (extents[0], extents[1]), faults

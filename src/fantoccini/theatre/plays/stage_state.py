@@ -7,49 +7,49 @@ from dataclasses import dataclass, field, replace
 
 from fantoccini.base import StateError, UnknownNameError
 from fantoccini.model.puppet import FLOOR
-from fantoccini.theatre.cast import Actor, Cast, ContactBodies, Meeting, Pair, Way
+from fantoccini.theatre.cast import Actor, Cast, ContactBodies, Meeting, Pair, Walk
 from fantoccini.theatre.gestures import CannotBe, Gesture, Part, Turn
 from fantoccini.theatre.plays.holdings import Hanging, Seated, Standing
 from fantoccini.theatre.plays.player_gestures import PlayerGestures
 from fantoccini.theatre.script import VERBS, PlayCue, Spot
 
-IN_POSE = 1e-6
+POSE_TOLERANCE = 1e-6
 """Distance from a pose below which a player counts as in it [m]."""
 
 
 @dataclass(frozen=True, eq=False)
-class OnStage:
+class StageState:
     """Players and props after the cues that have been placed.
 
     Attributes:
         actors: player -> its actor, after its last placed cue.
-        where: prop -> forearm on which it hangs, or place where it stands.
+        prop_places: prop -> forearm on which it hangs, or place where it stands.
         seated: player -> seat on which it sits.
-        met: meetings of the cues placed so far.
-        calmed: (cue, player) -> time at which it begins to damp its swing [s].
-        passes: cue -> cues of players that it passes, each with a note for the report.
+        past_meetings: meetings of the cues placed so far.
+        damping_times: (cue, player) -> time at which it begins to damp its swing [s].
+        pass_notes: cue -> cues of players that it passes, each with a note for the report.
         parts: parts of the players in the cue that is being placed.
     """
 
     actors: Mapping[str, Actor]
-    where: Mapping[str, Hanging | Standing]
+    prop_places: Mapping[str, Hanging | Standing]
     seated: Mapping[str, Seated] = field(default_factory=dict)
-    met: tuple[Meeting, ...] = ()
-    calmed: Mapping[tuple[Spot, str], float] = field(default_factory=dict)
-    passes: Mapping[Spot, tuple[tuple[Spot, str], ...]] = field(default_factory=dict)
+    past_meetings: tuple[Meeting, ...] = ()
+    damping_times: Mapping[tuple[Spot, str], float] = field(default_factory=dict)
+    pass_notes: Mapping[Spot, tuple[tuple[Spot, str], ...]] = field(default_factory=dict)
     parts: tuple[Part, ...] = ()
 
     @classmethod
-    def at_start(cls, cast: Cast, actors: Mapping[str, Actor]) -> OnStage:
+    def at_start(cls, cast: Cast, actors: Mapping[str, Actor]) -> StageState:
         """Stage at the start of a play."""
-        where: dict[str, Hanging | Standing] = {}
-        for name, thing in cast.props.items():
-            if thing.held_by:
-                where[name] = Hanging(thing.held_by, thing.side, 0.0)
+        prop_places: dict[str, Hanging | Standing] = {}
+        for name, prop in cast.props.items():
+            if prop.held_by:
+                prop_places[name] = Hanging(prop.held_by, prop.side, 0.0)
             else:
-                on = cast.file.props[name].on or FLOOR
-                where[name] = Standing(thing.stands, thing.height, on)
-        return cls(actors, where)
+                support = cast.file.props[name].on or FLOOR
+                prop_places[name] = Standing(prop.footing, prop.bottom_height, support)
+        return cls(actors, prop_places)
 
     # -- state -------------------------------------------------------------------------------
 
@@ -60,16 +60,19 @@ class OnStage:
     def carries(self, who: str) -> str:
         """Side of the forearm on which a player carries something; "" if it carries nothing."""
         sides = [
-            thing.side
-            for thing in self.where.values()
-            if isinstance(thing, Hanging) and thing.player == who
+            prop_place.side
+            for prop_place in self.prop_places.values()
+            if isinstance(prop_place, Hanging) and prop_place.player == who
         ]
         return sides[0] if sides else ""
 
     def on_forearm(self, who: str, side: str) -> str | None:
         """Prop that hangs on a forearm; None without one."""
-        for prop, thing in self.where.items():
-            if isinstance(thing, Hanging) and (thing.player, thing.side) == (who, side):
+        for prop, prop_place in self.prop_places.items():
+            if isinstance(prop_place, Hanging) and (prop_place.player, prop_place.side) == (
+                who,
+                side,
+            ):
                 return prop
         return None
 
@@ -79,13 +82,13 @@ class OnStage:
         Raises:
             CannotBe: the prop is elsewhere.
         """
-        thing = self.where[prop]
-        if isinstance(thing, Hanging) and thing.player == who:
-            return thing
-        there = (
-            f"{thing.player} holds it" if isinstance(thing, Hanging) else f"it stands on {thing.on}"
+        place = self.prop_places[prop]
+        if isinstance(place, Hanging) and place.player == who:
+            return place
+        actual_place = (
+            f"{place.player} holds it" if isinstance(place, Hanging) else f"it stands on {place.on}"
         )
-        raise CannotBe(f"{who} does not hold {prop}: {there}")
+        raise CannotBe(f"{who} does not hold {prop}: {actual_place}")
 
     def check_stands(self, who: str) -> None:
         """Raises CannotBe if a player sits, so that it cannot walk."""
@@ -99,19 +102,19 @@ class OnStage:
 
     def meetings(self, until: float) -> tuple[Meeting, ...]:
         """Meetings until a time [s]."""
-        hang = [
-            thing.meeting(self.bodies(thing.player), prop, until)
-            for prop, thing in self.where.items()
-            if isinstance(thing, Hanging)
+        hanging = [
+            prop_place.meeting(self.bodies(prop_place.player), prop, until)
+            for prop, prop_place in self.prop_places.items()
+            if isinstance(prop_place, Hanging)
         ]
-        sit = [
+        sitting = [
             seated.meeting(self.bodies(who), until, until) for who, seated in self.seated.items()
         ]
-        return (*self.met, *hang, *sit)
+        return (*self.past_meetings, *hanging, *sitting)
 
     # -- changes -----------------------------------------------------------------------------
 
-    def with_actor(self, actor: Actor) -> OnStage:
+    def with_actor(self, actor: Actor) -> StageState:
         """Stage with an actor after more of its cues."""
         return replace(self, actors={**self.actors, actor.player.name: actor})
 
@@ -123,50 +126,55 @@ class OnStage:
         start: float,
         marks: Mapping[str, float] | None = None,
         end: float | None = None,
-    ) -> OnStage:
+    ) -> StageState:
         """Stage with an actor after its part in a cue; marks count from the start [s]."""
         end = start + gesture.duration if end is None else end
-        own = gesture.marks if marks is None else marks
-        placed = {mark: start + t for mark, t in own.items()}
-        part = Part(actor.player.name, lane, gesture, start, end, placed)
-        actor = replace(actor, done=max(actor.done, end))
+        relative_marks = gesture.marks if marks is None else marks
+        mark_times = {mark: start + t for mark, t in relative_marks.items()}
+        part = Part(actor.player.name, lane, gesture, start, end, mark_times)
+        actor = replace(actor, busy_until=max(actor.busy_until, end))
         return replace(self.with_actor(actor), parts=(*self.parts, part))
 
-    def with_pass(self, first: Spot, who: str, second: Spot, other: str) -> OnStage:
+    def with_pass(
+        self, passing_cue: Spot, passing_player: str, yielding_cue: Spot, yielding_player: str
+    ) -> StageState:
         """Stage on which a player gives way to another, in their cues.
 
         Args:
-            first, who: cue and player that walk as if the other were not there.
-            second, other: cue and player that give way.
+            passing_cue, passing_player: cue and player that walk as if the other were not there.
+            yielding_cue, yielding_player: cue and player that give way.
         """
-        notes = {first: (second, f"{other} gives way"), second: (first, f"gives way to {who}")}
-        passes = {spot: (*self.passes.get(spot, ()), note) for spot, note in notes.items()}
-        return replace(self, passes={**self.passes, **passes})
+        notes = {
+            passing_cue: (yielding_cue, f"{yielding_player} gives way"),
+            yielding_cue: (passing_cue, f"gives way to {passing_player}"),
+        }
+        pass_notes = {spot: (*self.pass_notes.get(spot, ()), note) for spot, note in notes.items()}
+        return replace(self, pass_notes={**self.pass_notes, **pass_notes})
 
-    def with_prop(self, prop: str, where: Hanging | Standing) -> OnStage:
+    def with_prop(self, prop: str, place: Hanging | Standing) -> StageState:
         """Stage with a prop in another place."""
-        return replace(self, where={**self.where, prop: where})
+        return replace(self, prop_places={**self.prop_places, prop: place})
 
-    def with_seated(self, who: str, seated: Seated | None) -> OnStage:
+    def with_seated(self, who: str, seated: Seated | None) -> StageState:
         """Stage with a player that sits, or stands again."""
         others = {name: other for name, other in self.seated.items() if name != who}
         return replace(self, seated=others if seated is None else {**others, who: seated})
 
-    def with_meetings(self, *meetings: Meeting) -> OnStage:
+    def with_meetings(self, *meetings: Meeting) -> StageState:
         """Stage with additional meetings."""
-        return replace(self, met=(*self.met, *meetings))
+        return replace(self, past_meetings=(*self.past_meetings, *meetings))
 
     def with_contact(
         self, turn: Turn[PlayCue], prop: str, pairs: frozenset[Pair], start: float, end: float
-    ) -> OnStage:
+    ) -> StageState:
         """Stage with a meeting of the cue's players and a prop [s]."""
         kind = VERBS[turn.given.verb].meets
         assert kind is not None
         return self.with_meetings(Meeting(start, end, turn.who, (prop,), pairs, kind, turn.spot))
 
-    def without_hold(self, prop: str, held: Hanging, until: float) -> OnStage:
+    def without_hold(self, prop: str, held: Hanging, until: float) -> StageState:
         """Stage with the meeting of a prop that has hung on a forearm until a time [s]."""
-        if until <= held.since:
+        if until <= held.begin:
             return self
         return self.with_meetings(held.meeting(self.bodies(held.player), prop, until))
 
@@ -187,38 +195,38 @@ def carry_pose(actor: Actor, side: str, begin: float, gestures: PlayerGestures) 
     if not side:
         return actor
     try:
-        pose = actor.player.turned(gestures.pose(actor.player, side), actor.last.heading)
+        pose = actor.player.turned(gestures.pose(actor.player, side), actor.last_footing.heading)
     except (StateError, UnknownNameError) as error:
         raise CannotBe(f"{actor.player.name} cannot carry it: {error}") from None
-    there, now = pose.ends[0][1][pose.named], (line.d - line.carried)[pose.named]
-    if abs(there - now).max() <= IN_POSE:
+    pose_offsets, present_offsets = pose.ends[0][1][pose.named], (line.d - line.carried)[pose.named]
+    if abs(pose_offsets - present_offsets).max() <= POSE_TOLERANCE:
         return actor
     hands, continued = actor.hands.add(0, pose, max(begin, line.end))
     lanes = (continued.line.stopped(), *hands.lanes[1:])
     return replace(actor, hands=replace(hands, lanes=lanes))
 
 
-def walked(
-    actor: Actor, way: Way, gestures: PlayerGestures, carries: str = ""
+def after_walk(
+    actor: Actor, walk: Walk, gestures: PlayerGestures, carrying_side: str = ""
 ) -> tuple[Actor, Gesture]:
     """Player after a walk, and the gesture of the walk.
 
     Args:
         actor: player before the walk.
-        way: way of the walk.
+        walk: way of the walk.
         gestures: gestures with the steps.
-        carries: side of the forearm on which something hangs.
+        carrying_side: side of the forearm on which something hangs.
 
     Raises:
         CannotBe: it lacks a part of the body, or its strings are not driven.
     """
-    if not way.steps:
+    if not walk.steps:
         gesture = Gesture.rest(actor.player.marionette, 1e-3, everything=False)
-        return replace(actor, ways=(*actor.ways, way)), gesture
+        return replace(actor, walks=(*actor.walks, walk)), gesture
     try:
-        steps = gestures.walk(actor.player, way.steps, way.step_time, carries)
+        steps = gestures.walk(actor.player, walk.steps, walk.step_time, carrying_side)
     except (StateError, UnknownNameError) as error:
         raise CannotBe(f"{actor.player.name} cannot walk: {error}") from None
-    gesture = actor.player.turned(steps, way.start.heading)
-    hands, _ = actor.hands.add(0, gesture, way.begin)
-    return replace(actor, hands=hands, ways=(*actor.ways, way)), gesture
+    gesture = actor.player.turned(steps, walk.start.heading)
+    hands, _ = actor.hands.add(0, gesture, walk.begin)
+    return replace(actor, hands=hands, walks=(*actor.walks, walk)), gesture

@@ -20,7 +20,7 @@ def previous_format_arrays(recording: fan.theatre.Recording, path: Path) -> dict
     with np.load(path) as file:
         arrays = {name: x for name, x in file.items() if name not in ("ticks", "checks")}
     about = arrays["about"].tobytes().replace(b"recording.3", b"recording.2")
-    output = recording.written.output
+    output = recording.output.piece
     return arrays | {
         "about": np.frombuffer(about, dtype=np.uint8),
         "rows": output.samples,

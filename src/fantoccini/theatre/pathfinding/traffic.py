@@ -15,13 +15,13 @@ import numpy as np
 
 from fantoccini.base import Array, Indices, Mask, Times, frozen, polynomial
 from fantoccini.theatre.gestures import Complex, stepping
-from fantoccini.theatre.ways.regions import Disk
+from fantoccini.theatre.pathfinding.regions import Disk
 
-SAMPLE = 0.02
+MAX_SAMPLE_INTERVAL = 0.02
 """Longest time between two checks of a motion [s]."""
-_MARGIN = 1e-3
+_SAMPLING_MARGIN = 1e-3
 """Extra distance from moving players, for the time between two samples [m]."""
-_MIN_MOTION = 1e-9
+_STANDING_TOLERANCE = 1e-9
 """Displacement up to which a player counts as standing [m]."""
 _COARSE_STRIDE = 8
 """Stride of the samples that are checked before all others."""
@@ -30,7 +30,7 @@ NEVER = 1 << 40
 
 
 @dataclass(frozen=True, eq=False)
-class Other:
+class OtherPlayer:
     """Other player on the stage: a disk that stands before its first time and after its last.
 
     Attributes:
@@ -60,12 +60,12 @@ class Other:
 
     def at(self, t: Times) -> Complex:
         """(...) places at times (...)."""
-        x, y = (np.interp(t, self.times, self.xy[:, part]) for part in (0, 1))
+        x, y = (np.interp(t, self.times, self.xy[:, axis]) for axis in (0, 1))
         return np.asarray(x + 1j * y)
 
     def last_motion(self) -> float:
         """End of its last motion [s]; minus infinity if it always stands."""
-        moving = np.flatnonzero(np.any(np.abs(self.xy - self.xy[-1]) > _MIN_MOTION, axis=1))
+        moving = np.flatnonzero(np.any(np.abs(self.xy - self.xy[-1]) > _STANDING_TOLERANCE, axis=1))
         return float(self.times[moving[-1] + 1]) if len(moving) else -np.inf
 
     def at_rest(self) -> Disk:
@@ -85,7 +85,7 @@ class Traffic:
         ends: start and goal of the puppet, where others may be as near as their radii allow.
     """
 
-    others: Sequence[Other]
+    others: Sequence[OtherPlayer]
     begin: float
     step_time: float
     radius: float
@@ -94,19 +94,19 @@ class Traffic:
     @cached_property
     def samples_per_step(self) -> int:
         """Number of samples of a step."""
-        return int(np.ceil(self.step_time / SAMPLE - 1e-9))
+        return int(np.ceil(self.step_time / MAX_SAMPLE_INTERVAL - 1e-9))
 
     @cached_property
-    def first_still_step(self) -> int:
+    def all_standing_step(self) -> int:
         """First step at whose start all players stand, and do not move afterwards."""
-        last = max((other.last_motion() for other in self.others), default=self.begin)
-        return max(0, int(np.ceil((last - self.begin) / self.step_time - 1e-9)))
+        last_motion = max((other.last_motion() for other in self.others), default=self.begin)
+        return max(0, int(np.ceil((last_motion - self.begin) / self.step_time - 1e-9)))
 
     @cached_property
     def _places(self) -> Complex:
         """(others, n) places at the samples until all players stand."""
-        n = self.first_still_step * self.samples_per_step
-        t = np.linspace(self.begin, self.begin + self.first_still_step * self.step_time, n + 1)
+        n = self.all_standing_step * self.samples_per_step
+        t = np.linspace(self.begin, self.begin + self.all_standing_step * self.step_time, n + 1)
         return np.array([other.at(t) for other in self.others]).reshape(-1, n + 1)
 
     @cached_property
@@ -115,63 +115,65 @@ class Traffic:
         distances = []
         for other, places in zip(self.others, self._places, strict=True):
             distance = other.radius + self.radius
-            near = min(abs(places[0] - self.ends[0]), abs(places[-1] - self.ends[1]))
-            distances.append(max(distance, min(distance + _MARGIN, near)) - 1e-9)
+            end_distance = min(abs(places[0] - self.ends[0]), abs(places[-1] - self.ends[1]))
+            distances.append(max(distance, min(distance + _SAMPLING_MARGIN, end_distance)) - 1e-9)
         return np.array(distances) ** 2
 
-    def stays(self, point: complex) -> Indices:
+    def occupied_steps(self, point: complex) -> Indices:
         """(first_still_step + 1,) first step at or after each one in which a place is not free."""
-        free = self._free(self._places - point)
-        until = np.full(self.first_still_step + 1, NEVER)
-        if not free[-1]:
-            until[-1] = self.first_still_step
-        inner = (
-            free[:-1].reshape(-1, self.samples_per_step).all(axis=1)
-            & free[self.samples_per_step :: self.samples_per_step]
+        is_free = self._are_free(self._places - point)
+        steps = np.full(self.all_standing_step + 1, NEVER)
+        if not is_free[-1]:
+            steps[-1] = self.all_standing_step
+        is_step_free = (
+            is_free[:-1].reshape(-1, self.samples_per_step).all(axis=1)
+            & is_free[self.samples_per_step :: self.samples_per_step]
         )
-        for k in range(self.first_still_step - 1, -1, -1):
-            until[k] = until[k + 1] if inner[k] else k
-        return until
+        for k in range(self.all_standing_step - 1, -1, -1):
+            steps[k] = steps[k + 1] if is_step_free[k] else k
+        return steps
 
-    def departures(self, first: complex, last: complex, n: int, since: int, until: int) -> int:
+    def departures(self, first: complex, last: complex, n: int, earliest: int, latest: int) -> int:
         """First step at which a leg can begin and meets nobody; NEVER if there is none.
 
         Args:
             first, last: places at its ends.
             n: number of its steps.
-            since, until: range of the step.
+            earliest, latest: range of the step.
         """
-        way = np.asarray(first + (last - first) * _phase(n, self.samples_per_step), dtype=complex)
+        path = np.asarray(
+            first + (last - first) * _leg_progress(n, self.samples_per_step), dtype=complex
+        )
         # All later departures are equal, since everybody stands.
-        final = min(until, max(since, self.first_still_step))
-        if since > final:
+        last_tried = min(latest, max(earliest, self.all_standing_step))
+        if earliest > last_tried:
             return NEVER
-        if self._meets_nobody(way, np.array([since]), 1)[0]:
-            return since
-        later = np.arange(since + 1, final + 1)
-        for k in later[self._meets_nobody(way, later, _COARSE_STRIDE)]:
-            if self._meets_nobody(way, k[None], 1)[0]:
-                return int(k)
+        if self._meets_nobody(path, np.array([earliest]), 1)[0]:
+            return earliest
+        later_steps = np.arange(earliest + 1, last_tried + 1)
+        for step in later_steps[self._meets_nobody(path, later_steps, _COARSE_STRIDE)]:
+            if self._meets_nobody(path, step[None], 1)[0]:
+                return int(step)
         return NEVER
 
-    def _meets_nobody(self, way: Complex, since: Indices, stride: int) -> Mask:
+    def _meets_nobody(self, path: Complex, start_steps: Indices, stride: int) -> Mask:
         """(n,) bool, whether a way that begins at steps (n,) is free, checked with a stride."""
-        k = np.arange(0, len(way), stride)
+        samples = np.arange(0, len(path), stride)
         index = np.minimum(
-            since[:, None] * self.samples_per_step + k,
-            self.first_still_step * self.samples_per_step,
+            start_steps[:, None] * self.samples_per_step + samples,
+            self.all_standing_step * self.samples_per_step,
         )
-        return np.asarray(self._free(self._places[:, index] - way[k]).all(axis=1))
+        return np.asarray(self._are_free(self._places[:, index] - path[samples]).all(axis=1))
 
-    def _free(self, gaps: Complex) -> Mask:
+    def _are_free(self, gaps: Complex) -> Mask:
         """(...) whether gaps (others, ...) are all large enough."""
         min_squared = self._min_squared_distances.reshape(-1, *(1,) * (gaps.ndim - 1))
         return np.all(gaps.real**2 + gaps.imag**2 >= min_squared, axis=0)
 
 
 @cache
-def _phase(n: int, samples_per_step: int) -> Array:
+def _leg_progress(n: int, samples_per_step: int) -> Array:
     """(n parts + 1,) share of a leg of n steps that is completed at its samples."""
-    s = np.arange(samples_per_step) / samples_per_step
+    shares = np.arange(samples_per_step) / samples_per_step
     coef = stepping.leg_progress(n)
-    return np.append(polynomial.evaluate(coef[:, None], s[None])[0].ravel(), 1.0)
+    return np.append(polynomial.evaluate(coef[:, None], shares[None])[0].ravel(), 1.0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from fantoccini.base import nearest
-from fantoccini.theatre.cast import Cast, in_scene, lane_name
+from fantoccini.theatre.cast import Cast, gesture_in_scene, lane_name
 from fantoccini.theatre.gestures import (
     Caption,
     Gesture,
@@ -19,7 +19,7 @@ from fantoccini.theatre.gestures import (
 from fantoccini.theatre.script import PlayCue, PlayFile, PropCue, ScriptLog, Spot, Time
 
 
-def whole_score(
+def stage_score(
     cast: Cast,
     motions: Mapping[str, Gesture],
     lanes: Mapping[str, Mapping[str, Gesture]],
@@ -36,41 +36,41 @@ def whole_score(
         log: collects mistakes; has the length of a beat.
     """
     file = cast.file
-    table = cast.whole.coordinates
+    table = cast.marionette.coordinates
     lane_motions = {
-        label: in_scene(table, cast.member(name), gesture)
+        label: gesture_in_scene(table, cast.prefix(name), gesture)
         for name, player_lanes in lanes.items()
         for label, gesture in player_lanes.items()
     }
-    whole, *others = (
-        in_scene(table, cast.member(name), motion) for name, motion in motions.items()
+    motion, *other_motions = (
+        gesture_in_scene(table, cast.prefix(name), motion) for name, motion in motions.items()
     )
-    for other in others:
-        whole += other
-    played, captions, waits = [], [], []
-    for number, placed in enumerate(cues, 1):
-        cue = placed.cue
-        for part in placed.parts:
+    for other_motion in other_motions:
+        motion += other_motion
+    score_cues, captions, waits = [], [], []
+    for cue_number, placed_cue in enumerate(cues, 1):
+        cue = placed_cue.cue
+        for part in placed_cue.parts:
             name = cue.name if len(cue.who) == 1 else f"{cue.name} {part.who}"
             lane = lane_name(part.who, part.lane)
-            played.append(Played(lane, cue.name, part.start, part.end, part.marks, name))
-        if not placed.parts:
+            score_cues.append(Played(lane, cue.name, part.start, part.end, part.marks, name))
+        if not placed_cue.parts:
             continue
-        start = min(part.start for part in placed.parts)
+        start = min(part.start for part in placed_cue.parts)
         if cue.given.says is not None:
-            end = max(part.end for part in placed.parts)
+            end = max(part.end for part in placed_cue.parts)
             # Only the player that handles the prop speaks.
             who = cue.given.who if isinstance(cue.given, PropCue) else cue.who
             speaker = " and ".join(who)
             captions.append(Caption(start, max(end, start + 1.0), cue.given.says, speaker))
         if cue.given.go:
-            waits.append(Wait(f"cue {number}", min(start, placed.wanted)))
+            waits.append(Wait(f"cue {cue_number}", min(start, placed_cue.wanted)))
     sounds = sounds_of(file, log)
     marks = {name: beat * log.beat for name, beat in file.times.items()}
     return Score(
-        cast.whole,
-        whole.called(file.play),
-        tuple(played),
+        cast.marionette,
+        motion.called(file.play),
+        tuple(score_cues),
         marks,
         tuple(sorted(captions, key=lambda caption: caption.start)),
         log.beat,
@@ -88,12 +88,12 @@ def whole_score(
 def sounds_of(file: PlayFile, log: ScriptLog) -> tuple[Sound, ...]:
     """Sounds of a play; records missing files and invalid times."""
 
-    def time(given: Time, spot: Spot) -> float:
-        if not isinstance(given, str):
-            return given * log.beat
-        if given not in file.times:
-            text = f"found {given!r}; needed: a beat, or a name of `times`"
-            log.mistakes.add(spot, text + nearest(given, file.times))
-        return file.times.get(given, 0.0) * log.beat
+    def time(written: Time, spot: Spot) -> float:
+        if not isinstance(written, str):
+            return written * log.beat
+        if written not in file.times:
+            text = f"found {written!r}; needed: a beat, or a name of `times`"
+            log.mistakes.add(spot, text + nearest(written, file.times))
+        return file.times.get(written, 0.0) * log.beat
 
     return read_sounds(file.sound, time, log)

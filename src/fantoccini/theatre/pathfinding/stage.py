@@ -8,12 +8,17 @@ from typing import NamedTuple
 import numpy as np
 
 from fantoccini.base import Mask
-from fantoccini.theatre.cast import Footing, Way
+from fantoccini.theatre.cast import Footing, Walk
 from fantoccini.theatre.gestures import Complex, Step
-from fantoccini.theatre.ways.regions import Disk, Rectangle, Region
-from fantoccini.theatre.ways.roadmap import CLEARANCE_TOLERANCE, Roadmap, spread_places, turn_steps
-from fantoccini.theatre.ways.search import Leg, Search
-from fantoccini.theatre.ways.traffic import SAMPLE, Other, Traffic
+from fantoccini.theatre.pathfinding.regions import Disk, Rectangle, Region
+from fantoccini.theatre.pathfinding.roadmap import (
+    CLEARANCE_TOLERANCE,
+    Roadmap,
+    spread_places,
+    turn_steps,
+)
+from fantoccini.theatre.pathfinding.search import Leg, Search
+from fantoccini.theatre.pathfinding.traffic import MAX_SAMPLE_INTERVAL, OtherPlayer, Traffic
 
 HORIZON = 120
 """Largest number of steps for which a puppet waits, at its start and on its way."""
@@ -28,7 +33,7 @@ _PASS_FACTOR = 1.1
 """Distance of those places from the path, relative to that at which two players pass."""
 
 
-class Near(NamedTuple):
+class NearObstruction(NamedTuple):
     """Obstacle or player that is too near to a place.
 
     Attributes:
@@ -42,11 +47,11 @@ class Near(NamedTuple):
     needed: float
 
 
-class Stage:
+class WalkProblem:
     """Stage around a puppet that walks.
 
     Attributes:
-        start, begin, step_time, longest_step, radius, blocked: see ``find_way``.
+        start, begin, step_time, longest_step, radius, blocked: see ``plan_walk``.
         standing: obstacles, and players that do not move after the beginning.
         movers: players that move.
         space: bounds of the puppet's middle.
@@ -60,55 +65,55 @@ class Stage:
         longest_step: float,
         radius: float,
         blocked: Sequence[Region],
-        others: Sequence[Other],
+        others: Sequence[OtherPlayer],
         space: Rectangle | None,
     ):
         self.start, self.begin, self.step_time = start, begin, step_time
         self.longest_step, self.radius, self.blocked = longest_step, radius, blocked
-        still = [other.at_rest() for other in others if other.last_motion() <= begin]
-        self.standing: list[Region] = [*blocked, *still]
+        standing_players = [other.at_rest() for other in others if other.last_motion() <= begin]
+        self.standing: list[Region] = [*blocked, *standing_players]
         self.movers = [other for other in others if other.last_motion() > begin]
         self.space = Rectangle((-np.inf, -np.inf), (np.inf, np.inf)) if space is None else space
 
     # -- checks ------------------------------------------------------------------------------
 
-    def too_near(self, place: complex, t: float) -> Near | None:
+    def too_near(self, place: complex, t: float) -> NearObstruction | None:
         """Obstacle or player too near to a place at a time [s]; None if the place is free."""
         for region in self.standing:
             distance = float(region.distance(np.array(place)))
             if distance < self.radius - CLEARANCE_TOLERANCE:
-                return Near(region.name, distance, self.radius)
+                return NearObstruction(region.name, distance, self.radius)
         for other in self.movers:
             distance = float(abs(other.at(np.array(t)) - place)) - other.radius
             if distance < self.radius - MAX_INTRUSION:
-                return Near(other.name, distance, self.radius)
+                return NearObstruction(other.name, distance, self.radius)
         return None
 
     def is_free(self, places: Complex) -> Mask:
         """(n,) bool, whether places are free once all players stand."""
-        free = self.space.holds(places)
-        for mover in self.final_regions:
-            free &= mover.distance(places) >= self.radius - CLEARANCE_TOLERANCE
-        return free
+        is_free = self.space.holds(places)
+        for region in self.final_regions:
+            is_free &= region.distance(places) >= self.radius - CLEARANCE_TOLERANCE
+        return is_free
 
     @property
     def final_regions(self) -> list[Region]:
         """Obstacles and players once all players stand."""
         return [*self.standing, *(mover.at_rest() for mover in self.movers)]
 
-    def are_open(self, standing: Sequence[Region], first: Complex, last: Complex) -> Mask:
+    def are_legs_clear(self, standing: Sequence[Region], starts: Complex, ends: Complex) -> Mask:
         """(...) whether straight legs (...) keep clear of standing obstacles."""
-        free = np.ones(first.shape, dtype=bool)
+        is_clear = np.ones(starts.shape, dtype=bool)
         for region in standing:
-            free &= region.distance_of_legs(first, last) >= self.radius - CLEARANCE_TOLERANCE
-        return free
+            is_clear &= region.distance_of_legs(starts, ends) >= self.radius - CLEARANCE_TOLERANCE
+        return is_clear
 
-    def is_clear(self, way: Way) -> bool:
+    def is_clear(self, walk: Walk) -> bool:
         """Whether a way keeps clear of everything until all other players stand."""
-        end = max([way.end, *(mover.last_motion() for mover in self.movers)])
-        n = int(np.ceil((end - self.begin) / SAMPLE)) + 1
-        t = np.linspace(self.begin, max(end, self.begin + SAMPLE), n + 1)
-        xy, _ = way.footing(t)
+        end = max([walk.end, *(mover.last_motion() for mover in self.movers)])
+        n = int(np.ceil((end - self.begin) / MAX_SAMPLE_INTERVAL)) + 1
+        t = np.linspace(self.begin, max(end, self.begin + MAX_SAMPLE_INTERVAL), n + 1)
+        xy, _ = walk.footing(t)
         places = xy[:, 0] + 1j * xy[:, 1]
         margins = [region.distance(places) - self.radius for region in self.standing]
         margins += [
@@ -118,10 +123,10 @@ class Stage:
             np.min(x) >= -MAX_INTRUSION for x in margins
         )
 
-    def waits(self, way: Way) -> int:
+    def n_waiting_steps(self, walk: Walk) -> int:
         """Number of steps for which the puppet waits before a way and on it."""
-        delay = round((way.begin - self.begin) / self.step_time)
-        return delay + sum(step.stands for step in way.steps)
+        n_delay = round((walk.begin - self.begin) / self.step_time)
+        return n_delay + sum(step.stands for step in walk.steps)
 
     # -- ways --------------------------------------------------------------------------------
 
@@ -139,16 +144,16 @@ class Stage:
             self.longest_step,
         )
 
-    def way(self, goal: Footing, latest_begin: float) -> Way | None:
-        """Way with the earliest arrival, with waits of any length; None if there is none."""
+    def find_walk(self, goal: Footing, latest_begin: float) -> Walk | None:
+        """Walk with the earliest arrival, with waits of any length; None if there is none."""
         roadmap = self.roadmap(goal)
         ends = (self.start.place, goal.place)
         traffic = Traffic(self.movers, self.begin, self.step_time, self.radius, ends)
         legs = Search(roadmap, traffic).run(complex(np.exp(1j * self.start.heading)))
         if legs is None:
             return None
-        way = self._way_along(goal, roadmap, legs, latest_begin)
-        return way if self.is_clear(way) else None
+        walk = self._walk_along(goal, roadmap, legs, latest_begin)
+        return walk if self.is_clear(walk) else None
 
     def _places(self, ends: Complex) -> Complex:
         """Turning points of ways: places beside players, their paths and spread over the stage."""
@@ -167,38 +172,40 @@ class Stage:
         corners = [region.corners(self.radius) for region in self.standing]
         outline = np.concatenate([places, *corners])
         margin = 2.0 * self.radius
-        low = np.array([outline.real.min() - margin, outline.imag.min() - margin])
-        high = np.array([outline.real.max() + margin, outline.imag.max() + margin])
-        low, high = np.maximum(low, self.space.low), np.minimum(high, self.space.high)
-        area = Rectangle((low[0], low[1]), (high[0], high[1]))
+        lower = np.array([outline.real.min() - margin, outline.imag.min() - margin])
+        upper = np.array([outline.real.max() + margin, outline.imag.max() + margin])
+        lower, upper = np.maximum(lower, self.space.lower), np.minimum(upper, self.space.upper)
+        area = Rectangle((lower[0], lower[1]), (upper[0], upper[1]))
         return np.concatenate([places, spread_places(area)])
 
-    def _way_along(self, goal: Footing, roadmap: Roadmap, legs: list[Leg], latest: float) -> Way:
-        """Way along legs; steps at its start that only stand become a later beginning."""
+    def _walk_along(
+        self, goal: Footing, roadmap: Roadmap, legs: list[Leg], latest_begin: float
+    ) -> Walk:
+        """Walk along legs; steps at its start that only stand become a later beginning."""
         steps: list[Step] = []
         place, heading, step_index = self.start.place, self.start.heading, 0
         for leg in legs:
-            to = complex(roadmap.points[leg.to])
-            steps += [Step()] * (leg.departs - leg.turns - step_index)
-            turn = _turn(heading, float(np.angle(to - place)), leg.turns)
-            steps += turn + [Step(abs(to - place) / leg.steps)] * leg.steps
-            heading += sum(step.turn for step in turn)
-            place, step_index = to, leg.departs + leg.steps
-        steps += _turn(heading, goal.heading, _n_turn_steps(heading, goal.heading))
-        max_delay = int(np.floor((latest - self.begin) / self.step_time + 1e-9))
+            end = complex(roadmap.points[leg.end_point])
+            steps += [Step()] * (leg.departure_step - leg.n_turn_steps - step_index)
+            turn_steps_of_leg = _turn_steps(heading, float(np.angle(end - place)), leg.n_turn_steps)
+            steps += turn_steps_of_leg + [Step(abs(end - place) / leg.n_steps)] * leg.n_steps
+            heading += sum(step.turn for step in turn_steps_of_leg)
+            place, step_index = end, leg.departure_step + leg.n_steps
+        steps += _turn_steps(heading, goal.heading, _n_turn_steps(heading, goal.heading))
+        max_delay = int(np.floor((latest_begin - self.begin) / self.step_time + 1e-9))
         n_delay = 0
         while n_delay < min(max_delay, len(steps)) and steps[n_delay].stands:
             n_delay += 1
         begin = self.begin + n_delay * self.step_time
-        return Way(self.start, begin, tuple(steps[n_delay:]), self.step_time)
+        return Walk(self.start, begin, tuple(steps[n_delay:]), self.step_time)
 
 
-def _n_turn_steps(heading: float, to: float) -> int:
+def _n_turn_steps(heading: float, new_heading: float) -> int:
     """Number of steps to turn between two headings [rad]."""
-    return int(turn_steps(np.exp(1j * np.array(heading)), np.exp(1j * np.array(to))))
+    return int(turn_steps(np.exp(1j * np.array(heading)), np.exp(1j * np.array(new_heading))))
 
 
-def _turn(heading: float, to: float, n: int) -> list[Step]:
+def _turn_steps(heading: float, new_heading: float, n: int) -> list[Step]:
     """n equal steps of a turn between two headings [rad], in the shorter direction."""
-    angle = float(np.angle(np.exp(1j * (to - heading))))
+    angle = float(np.angle(np.exp(1j * (new_heading - heading))))
     return [Step(0.0, angle / n)] * n if n else []

@@ -45,18 +45,18 @@ class Failure:
     cue: Spot | None
 
 
-def failures(cast: Cast, meetings: Sequence[Meeting], runs: Runs) -> list[Failure]:
+def find_failures(cast: Cast, meetings: Sequence[Meeting], runs: Runs) -> list[Failure]:
     """Failures of runs, in order of time."""
-    failures_so_far: list[Failure] = []
+    failures: list[Failure] = []
     for meeting in meetings:
         for run, begin, end in _runs(meeting, runs):
             t = np.append(np.arange(begin, end, _CHECK_INTERVAL), end) - run.begin
             check = _CHECKS.get(meeting.kind)
             failure = check(cast, meeting, run, t) if check is not None else None
             if failure is not None:
-                failures_so_far.append(failure)
+                failures.append(failure)
                 break
-    return sorted(failures_so_far, key=lambda failure: failure.t)
+    return sorted(failures, key=lambda failure: failure.t)
 
 
 def handle_position(
@@ -64,30 +64,32 @@ def handle_position(
 ) -> tuple[float, float] | None:
     """Distance of a handle from the elbow and its height [m], at a time [s]; None if unknown."""
     (prop,), who = meeting.props, meeting.players[0]
-    run, handle = runs.with_prop(prop, t), cast.props[prop].handle
+    run, handle = runs.with_prop(prop, t), cast.props[prop].handle_height
     if run is None or handle is None:
         return None
     forearm, physique, side = _arm(cast, meeting, who)
-    pose, arm = (_poses(run, x, np.array([t - run.begin]))[0] for x in (prop, forearm))
-    place = pose[:, 3] + handle * pose[:, 2]
-    to_hand = arm[:, :3] @ physique.forearm_direction(side)
-    return float(to_hand @ (place - arm[:, 3])), float(place[2])
+    prop_pose, arm_pose = (_poses(run, x, np.array([t - run.begin]))[0] for x in (prop, forearm))
+    bar_position = prop_pose[:, 3] + handle * prop_pose[:, 2]
+    direction = arm_pose[:, :3] @ physique.forearm_direction(side)
+    return float(direction @ (bar_position - arm_pose[:, 3])), float(bar_position[2])
 
 
 def standing_place(cast: Cast, runs: Runs, prop: str, t: float) -> Footing | None:
     """Footing of a prop that was put down before a time [s]; None if it was not."""
-    before = [run for run in runs.companies if prop in run.staged.props and run.end <= t + 1e-9]
-    if not before:
+    earlier_runs = [
+        run for run in runs.companies if prop in run.scene.props and run.end <= t + 1e-9
+    ]
+    if not earlier_runs:
         return None
-    run = before[-1]
-    pose = _poses(run, prop, run.whole.t[-1:])[0]
+    run = earlier_runs[-1]
+    pose = _poses(run, prop, run.trajectory.t[-1:])[0]
     return Footing(float(pose[0, 3]), float(pose[1, 3]), float(np.arctan2(pose[1, 0], pose[0, 0])))
 
 
 def _runs(meeting: Meeting, runs: Runs) -> Iterator[tuple[Run, float, float]]:
     """Runs that contain a meeting, and its times there [s]."""
     for run in runs.companies:
-        company = run.staged.company
+        company = run.scene.company
         begin, end = max(meeting.begin, run.begin), min(meeting.end, run.end)
         contains = {*meeting.players} <= {*company.players} and meeting.pairs <= company.pairs
         if contains and begin < end:
@@ -98,13 +100,16 @@ def _hangs(cast: Cast, meeting: Meeting, run: Run, t: Times) -> Failure | None:
     """Failure of a prop to hang on a forearm at times of a run."""
     (prop,), (who,) = meeting.props, meeting.players
     forearm, physique, side = _arm(cast, meeting, who)
-    handle = cast.props[prop].handle
+    handle = cast.props[prop].handle_height
     assert handle is not None
-    thing, arm = (_poses(run, name, t) for name in (prop, forearm))
-    place = thing[:, :, 3] + handle * thing[:, :, 2] - arm[:, :, 3]
-    local, to_hand = np.einsum("tij,ti->tj", arm[:, :, :3], place), physique.forearm_direction(side)
-    elbow_distance = local @ to_hand
-    axis_distance = np.linalg.norm(local - elbow_distance[:, None] * to_hand, axis=1)
+    prop_poses, arm_poses = (_poses(run, name, t) for name in (prop, forearm))
+    offsets = prop_poses[:, :, 3] + handle * prop_poses[:, :, 2] - arm_poses[:, :, 3]
+    local_offsets, direction = (
+        np.einsum("tij,ti->tj", arm_poses[:, :, :3], offsets),
+        physique.forearm_direction(side),
+    )
+    elbow_distance = local_offsets @ direction
+    axis_distance = np.linalg.norm(local_offsets - elbow_distance[:, None] * direction, axis=1)
     nearest, farthest = (physique.arm_ratio(side) * bound for bound in _ELBOW_DISTANCE_RANGE)
     is_off = axis_distance > _MAX_AXIS_DISTANCE
     is_off |= (elbow_distance < nearest) | (elbow_distance > farthest)
@@ -123,10 +128,10 @@ def _stands(cast: Cast, meeting: Meeting, run: Run, t: Times) -> Failure | None:
     (on,) = {name for pair in meeting.pairs for name in pair} & obstacles
     pose, top = _poses(run, prop, t[-1:])[0], obstacle_top(cast.file, on)
     assert top is not None
-    first = run.whole.coordinates.v_D.index(f"{run.staged.props[prop]}.x")
-    rates = run.whole.resample(t[-1:]).v_D[0, first : first + 3]
-    still = float(np.linalg.norm(rates)) <= _MAX_REST_SPEED
-    if still and pose[2, 2] >= _MIN_COSINE and abs(pose[2, 3] - top) <= _MAX_HEIGHT_ERROR:
+    index = run.trajectory.coordinates.v_D.index(f"{run.scene.props[prop]}.x")
+    velocity = run.trajectory.resample(t[-1:]).v_D[0, index : index + 3]
+    is_at_rest = float(np.linalg.norm(velocity)) <= _MAX_REST_SPEED
+    if is_at_rest and pose[2, 2] >= _MIN_COSINE and abs(pose[2, 3] - top) <= _MAX_HEIGHT_ERROR:
         return None
     text = f"{prop} would not stand on {on}"
     return Failure(run.begin + float(t[-1]), meeting.players, text, meeting.cue)
@@ -135,16 +140,18 @@ def _stands(cast: Cast, meeting: Meeting, run: Run, t: Times) -> Failure | None:
 def _sits(cast: Cast, meeting: Meeting, run: Run, _: Times) -> Failure | None:
     """Failure of a player to sit, by its weight on the seat."""
     (who,) = meeting.players
-    since, until = (max(x - run.begin, 0.0) for x in meeting.bears)
-    until = min(until, float(run.whole.t[-1]))
-    if since >= until or run.whole.contact is None:
+    begin, end = (max(x - run.begin, 0.0) for x in meeting.bearing_interval)
+    end = min(end, float(run.trajectory.t[-1]))
+    if begin >= end or run.trajectory.contact is None:
         return None
-    names = {run.staged.local(body) for body in cast.players[who].bodies.seated}
-    seat = {run.staged.local(name) for pair in meeting.pairs for name in pair} - names
-    points = run.whole.contact
-    is_seat_pair = [bool({a, b} & names) and bool({a, b} & seat) for a, b in points.names]
-    clock = run.whole.t
-    is_counted = (clock >= since) & (clock <= until)
+    body_names = {run.scene.local(body) for body in cast.players[who].bodies.seated}
+    seat_names = {run.scene.local(name) for pair in meeting.pairs for name in pair} - body_names
+    points = run.trajectory.contact
+    is_seat_pair = [
+        bool({a, b} & body_names) and bool({a, b} & seat_names) for a, b in points.names
+    ]
+    times = run.trajectory.t
+    is_counted = (times >= begin) & (times <= end)
     is_seat_point = np.array(is_seat_pair, dtype=bool)[points.pair] & is_counted[points.sample]
     n = max(int(np.sum(is_counted)), 1)
     seat_force = float(np.sum(np.abs(points.force[is_seat_point, 2]))) / n
@@ -152,7 +159,7 @@ def _sits(cast: Cast, meeting: Meeting, run: Run, _: Times) -> Failure | None:
     if seat_force >= _MIN_SEAT_SHARE * weight:
         return None
     text = f"{who} would not sit: the seat bears {seat_force / weight:.0%} of its weight"
-    return Failure(run.begin + since, meeting.players, text, meeting.cue)
+    return Failure(run.begin + begin, meeting.players, text, meeting.cue)
 
 
 _CHECKS: dict[MeetingKind, Callable[[Cast, Meeting, Run, Times], Failure | None]] = {
@@ -172,7 +179,7 @@ def _arm(cast: Cast, meeting: Meeting, who: str) -> tuple[str, Physique, str]:
 
 def _poses(run: Run, name: str, t: Times) -> Array:
     """(T, 3, 4) poses of a body or prop of the stage at times of a run."""
-    samples = run.whole.resample(np.clip(t, 0.0, run.whole.t[-1]))
-    marionette = run.staged.marionette
+    samples = run.trajectory.resample(np.clip(t, 0.0, run.trajectory.t[-1]))
+    marionette = run.scene.marionette
     poses: Array = marionette.poses(samples.q_D, samples.q_K)
-    return poses[:, marionette.link_index(run.staged.local(name))]
+    return poses[:, marionette.link_index(run.scene.local(name))]

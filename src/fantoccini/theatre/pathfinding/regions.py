@@ -15,7 +15,7 @@ import numpy as np
 from fantoccini.base import Array, Mask
 from fantoccini.theatre.gestures import Complex
 
-_CORNERS = np.array([1 + 1j, -1 + 1j, -1 - 1j, 1 - 1j])
+_SQUARE_CORNERS = np.array([1 + 1j, -1 + 1j, -1 - 1j, 1 - 1j])
 """Corners of a square."""
 _CHAMFER_RATIO = float(np.tan(np.pi / 8.0))
 """Distance between the end of a side and the tangent at the middle of a rounded corner, relative to
@@ -43,7 +43,7 @@ class Region(Protocol):
         """(...) distances of points (...) from its border; 0 or less inside [m]."""
         ...
 
-    def distance_of_legs(self, first: Complex, last: Complex) -> Array:
+    def distance_of_legs(self, starts: Complex, ends: Complex) -> Array:
         """(...) least distances of straight legs (...) [m]."""
         ...
 
@@ -59,34 +59,45 @@ class Box:
     Attributes:
         name: name of the obstacle.
         centre: (x, y) [m].
-        half: half its lengths along its own axes [m].
+        half_sizes: half its lengths along its own axes [m].
         yaw: angle of its first axis from x, to the left [rad].
     """
 
     name: str
     centre: tuple[float, float]
-    half: tuple[float, float]
+    half_sizes: tuple[float, float]
     yaw: float = 0.0
 
     def distance(self, points: Complex) -> Array:
         """(...) distances of points (...) from its border; 0 inside [m]."""
-        return np.abs(_outside(self._local(points), complex(*self.half)))
+        return np.abs(_outside_offsets(self._local(points), complex(*self.half_sizes)))
 
-    def distance_of_legs(self, first: Complex, last: Complex) -> Array:
+    def distance_of_legs(self, starts: Complex, ends: Complex) -> Array:
         """(...) least distances of straight legs (...) [m]."""
-        a, b, half = self._local(first), self._local(last), complex(*self.half)
-        distance = np.minimum(np.abs(_outside(a, half)), np.abs(_outside(b, half)))
-        for corner in _CORNERS.real * half.real + 1j * _CORNERS.imag * half.imag:
-            distance = np.minimum(distance, _from_leg(corner, a, b))
-        return np.where(_crosses(a, b, half), 0.0, distance)
+        local_starts, local_ends, half_sizes = (
+            self._local(starts),
+            self._local(ends),
+            complex(*self.half_sizes),
+        )
+        distance = np.minimum(
+            np.abs(_outside_offsets(local_starts, half_sizes)),
+            np.abs(_outside_offsets(local_ends, half_sizes)),
+        )
+        for corner in (
+            _SQUARE_CORNERS.real * half_sizes.real + 1j * _SQUARE_CORNERS.imag * half_sizes.imag
+        ):
+            distance = np.minimum(distance, _distance_from_leg(corner, local_starts, local_ends))
+        return np.where(_meets_box(local_starts, local_ends, half_sizes), 0.0, distance)
 
     def corners(self, clearance: float) -> Complex:
         """(8,) corners of a polygon around all points nearer than the clearance [m]."""
         # The outline at the clearance has rounded corners; the polygon has tangents there.
         offsets = np.array([1.0 + 1j * _CHAMFER_RATIO, _CHAMFER_RATIO + 1j]) * clearance
         corners = [
-            complex(sign.real * (self.half[0] + x.real), sign.imag * (self.half[1] + x.imag))
-            for sign in _CORNERS
+            complex(
+                sign.real * (self.half_sizes[0] + x.real), sign.imag * (self.half_sizes[1] + x.imag)
+            )
+            for sign in _SQUARE_CORNERS
             for x in offsets
         ]
         return np.array(corners) * np.exp(1j * self.yaw) + complex(*self.centre)
@@ -114,9 +125,9 @@ class Disk:
         """(...) distances of points (...) from its border; below 0 inside [m]."""
         return np.abs(np.asarray(points) - complex(*self.centre)) - self.radius
 
-    def distance_of_legs(self, first: Complex, last: Complex) -> Array:
+    def distance_of_legs(self, starts: Complex, ends: Complex) -> Array:
         """(...) least distances of straight legs (...) [m]."""
-        return _from_leg(complex(*self.centre), first, last) - self.radius
+        return _distance_from_leg(complex(*self.centre), starts, ends) - self.radius
 
     def corners(self, clearance: float) -> Complex:
         """(8,) corners of a polygon around all points nearer than the clearance [m]."""
@@ -129,51 +140,58 @@ class Disk:
 class Rectangle:
     """Bounds of the hands: least and largest x and y of the puppet's middle [m]."""
 
-    low: tuple[float, float]
-    high: tuple[float, float]
+    lower: tuple[float, float]
+    upper: tuple[float, float]
 
     def holds(self, points: Complex) -> Mask:
         """(...) whether points (...) are inside."""
         p = np.asarray(points)
         return (
-            (p.real >= self.low[0] - _TOLERANCE)
-            & (p.real <= self.high[0] + _TOLERANCE)
-            & (p.imag >= self.low[1] - _TOLERANCE)
-            & (p.imag <= self.high[1] + _TOLERANCE)
+            (p.real >= self.lower[0] - _TOLERANCE)
+            & (p.real <= self.upper[0] + _TOLERANCE)
+            & (p.imag >= self.lower[1] - _TOLERANCE)
+            & (p.imag <= self.upper[1] + _TOLERANCE)
         )
 
     def nearest(self, point: complex) -> complex:
         """Place inside that is nearest to a point."""
-        x, y = np.clip([point.real, point.imag], self.low, self.high)
+        x, y = np.clip([point.real, point.imag], self.lower, self.upper)
         return complex(x, y)
 
 
-def _outside(points: Complex, half: complex) -> Complex:
+def _outside_offsets(points: Complex, half: complex) -> Complex:
     """(...) offsets of points in a box's axes from the box, along each axis."""
     x, y = np.abs(points.real) - half.real, np.abs(points.imag) - half.imag
     return np.maximum(x, 0.0) + 1j * np.maximum(y, 0.0)
 
 
-def _from_leg(point: complex, first: Complex, last: Complex) -> Array:
+def _distance_from_leg(point: complex, starts: Complex, ends: Complex) -> Array:
     """(...) distances of a point from straight legs."""
-    leg, offset = np.asarray(last) - first, point - np.asarray(first)
-    square = np.maximum(np.abs(leg) ** 2, np.finfo(float).tiny)
-    s = np.clip((leg.conj() * offset).real / square, 0.0, 1.0)
-    return np.abs(offset - s * leg)
+    leg, offset = np.asarray(ends) - starts, point - np.asarray(starts)
+    squared_length = np.maximum(np.abs(leg) ** 2, np.finfo(float).tiny)
+    share = np.clip((leg.conj() * offset).real / squared_length, 0.0, 1.0)
+    return np.abs(offset - share * leg)
 
 
-def _crosses(a: Complex, b: Complex, half: complex) -> Mask:
+def _meets_box(starts: Complex, ends: Complex, half: complex) -> Mask:
     """(...) bool, whether legs meet a box: their parts between its two pairs of sides overlap."""
-    begin, end = np.zeros(np.shape(a)), np.ones(np.shape(a))
-    inside = np.ones(np.shape(a), dtype=bool)
-    for start, length, h in (
-        (a.real, b.real - a.real, half.real),
-        (a.imag, b.imag - a.imag, half.imag),
+    entry, exit_ = np.zeros(np.shape(starts)), np.ones(np.shape(starts))
+    is_inside = np.ones(np.shape(starts), dtype=bool)
+    for start, length, half_size in (
+        (starts.real, ends.real - starts.real, half.real),
+        (starts.imag, ends.imag - starts.imag, half.imag),
     ):
-        moves = length != 0.0
-        divisor = np.where(moves, length, 1.0)
-        first, second = (-h - start) / divisor, (h - start) / divisor
-        begin = np.where(moves, np.maximum(begin, np.minimum(first, second)), begin)
-        end = np.where(moves, np.minimum(end, np.maximum(first, second)), end)
-        inside &= moves | (np.abs(start) <= h)
-    return inside & (begin <= end)
+        is_moving = length != 0.0
+        divisor = np.where(is_moving, length, 1.0)
+        first_crossing, second_crossing = (
+            (-half_size - start) / divisor,
+            (half_size - start) / divisor,
+        )
+        entry = np.where(
+            is_moving, np.maximum(entry, np.minimum(first_crossing, second_crossing)), entry
+        )
+        exit_ = np.where(
+            is_moving, np.minimum(exit_, np.maximum(first_crossing, second_crossing)), exit_
+        )
+        is_inside &= is_moving | (np.abs(start) <= half_size)
+    return is_inside & (entry <= exit_)

@@ -11,7 +11,7 @@ from fantoccini.kernel.contract import WINCH_AT
 from fantoccini.motion import State
 
 
-def hanging(marionette: Marionette) -> State:
+def initial_state(marionette: Marionette) -> State:
     """State of rest of a puppet; without an equilibrium, the projected pose of its file."""
     try:
         return marionette.rest()
@@ -30,43 +30,52 @@ def check_steps(marionette: Marionette, x: State, dt: float) -> None:
         ) from None
 
 
-def transferred(
-    before: Marionette, x: State, after: Marionette, start: State
+def transfer_state(
+    old_marionette: Marionette, x: State, new_marionette: Marionette, start: State
 ) -> tuple[State, tuple[str, ...]]:
     """State of a changed puppet, in which coordinates that exist in both keep their values.
 
     The hands are at rest.
 
     Args:
-        before: puppet.
+        old_marionette: puppet.
         x: its state.
-        after: changed puppet.
+        new_marionette: changed puppet.
         start: state of the changed puppet, for new coordinates.
 
     Returns:
         The state, which strings and limits may forbid, and messages about lost and new coordinates.
     """
-    old, new = before.coordinates, after.coordinates
-    q = dict(zip(old.q_D + old.q_K, np.concatenate([x.q_D, x.q_K]), strict=True))
-    v = dict(zip(old.v_D + old.v_K, np.concatenate([x.v_D, x.v_K]), strict=True))
-    slip = {s.name: float(y) for s, y in zip(before.tree.strings, x.slip, strict=True)}
+    old_table, new_table = old_marionette.coordinates, new_marionette.coordinates
+    q = dict(zip(old_table.q_D + old_table.q_K, np.concatenate([x.q_D, x.q_K]), strict=True))
+    v = dict(zip(old_table.v_D + old_table.v_K, np.concatenate([x.v_D, x.v_K]), strict=True))
+    slip = {
+        s.name: float(slip_length)
+        for s, slip_length in zip(old_marionette.tree.strings, x.slip, strict=True)
+    }
     state = State(
         x.t,
-        np.array([q.get(name, value) for name, value in zip(new.q_D, start.q_D, strict=True)]),
-        np.array([v.get(name, 0.0) for name in new.v_D]),
-        np.array([q.get(name, value) for name, value in zip(new.q_K, start.q_K, strict=True)]),
-        np.zeros(new.n_vK),
-        np.zeros(after.tree.n_rows, dtype=bool),
-        np.array([slip.get(s.name, 0.0) for s in after.tree.strings]),
-        new,
+        np.array(
+            [q.get(name, value) for name, value in zip(new_table.q_D, start.q_D, strict=True)]
+        ),
+        np.array([v.get(name, 0.0) for name in new_table.v_D]),
+        np.array(
+            [q.get(name, value) for name, value in zip(new_table.q_K, start.q_K, strict=True)]
+        ),
+        np.zeros(new_table.n_vK),
+        np.zeros(new_marionette.tree.n_rows, dtype=bool),
+        np.array([slip.get(s.name, 0.0) for s in new_marionette.tree.strings]),
+        new_table,
     )
-    names = set(new.q_D + new.q_K)
-    lost = tuple(f"{name} is gone" for name in q if name not in names)
-    added = tuple(f"{name} is new" for name in new.q_D + new.q_K if name not in q)
-    return state, lost + added
+    names = set(new_table.q_D + new_table.q_K)
+    lost_messages = tuple(f"{name} is gone" for name in q if name not in names)
+    new_messages = tuple(
+        f"{name} is new" for name in new_table.q_D + new_table.q_K if name not in q
+    )
+    return state, lost_messages + new_messages
 
 
-def permitted(marionette: Marionette, x: State) -> State:
+def feasible_state(marionette: Marionette, x: State) -> State:
     """State near ``x`` that strings and limits permit; ``x`` itself if there is none.
 
     If strings are too short for the puppet, their winches slip.

@@ -17,7 +17,7 @@ import numpy as np
 
 from fantoccini.base import Array, Mask
 from fantoccini.theatre.gestures import Complex
-from fantoccini.theatre.ways.regions import Rectangle, Region
+from fantoccini.theatre.pathfinding.regions import Rectangle, Region
 
 START, GOAL = 0, 1
 """Indices of the way's ends among the points."""
@@ -50,11 +50,11 @@ def turn_steps(first: Complex, second: Complex) -> Array:
 
 def spread_places(space: Rectangle) -> Complex:
     """(n,) places spread over a rectangle, including its sides."""
-    size = np.subtract(space.high, space.low)
+    size = np.subtract(space.upper, space.lower)
     pitch = float(np.sqrt(np.prod(size) / _N_SPREAD_PLACES)) or 1.0
     x, y = (
-        np.linspace(low, high, 1 + max(1, round((high - low) / pitch)))
-        for low, high in zip(space.low, space.high, strict=True)
+        np.linspace(lower, upper, 1 + max(1, round((upper - lower) / pitch)))
+        for lower, upper in zip(space.lower, space.upper, strict=True)
     )
     return (x[:, None] + 1j * y).ravel()
 
@@ -66,47 +66,47 @@ class Roadmap:
     Attributes:
         points: (P,) start, goal and places between them.
         heading: heading of the puppet at the goal, complex of length 1.
-        standing: obstacles that stand on the stage.
+        obstacles: obstacles that stand on the stage.
         radius: radius of the puppet [m].
         longest_step: longest step [m].
     """
 
     points: Complex
     heading: complex
-    standing: Sequence[Region]
+    obstacles: Sequence[Region]
     radius: float
     longest_step: float
 
     @classmethod
     def build(
         cls,
-        ends: Complex,
+        start_and_goal: Complex,
         heading: complex,
         places: Complex,
-        standing: Sequence[Region],
+        obstacles: Sequence[Region],
         space: Rectangle,
         radius: float,
         longest_step: float,
     ) -> Roadmap:
         """Roadmap of the free places among those given."""
-        corners = [region.corners(radius + CORNER_MARGIN) for region in standing]
+        corners = [region.corners(radius + CORNER_MARGIN) for region in obstacles]
         all_places = np.concatenate([places, *corners])
         all_places = all_places[space.holds(all_places)]
-        for region in standing:
+        for region in obstacles:
             all_places = all_places[region.distance(all_places) >= radius - CLEARANCE_TOLERANCE]
-        points = ends
+        points = start_and_goal
         for place in all_places:
             if np.min(np.abs(points - place)) > _MERGE_DISTANCE:
                 points = np.append(points, place)
-        return cls(points, heading, standing, radius, longest_step)
+        return cls(points, heading, obstacles, radius, longest_step)
 
     @cached_property
-    def open(self) -> list[Mask]:
+    def clear_legs(self) -> list[Mask]:
         """(P, P) for each obstacle, whether legs keep clear of it."""
-        first, last = np.broadcast_arrays(self.points[:, None], self.points)
+        starts, ends = np.broadcast_arrays(self.points[:, None], self.points)
         return [
-            region.distance_of_legs(first, last) >= self.radius - CLEARANCE_TOLERANCE
-            for region in self.standing
+            region.distance_of_legs(starts, ends) >= self.radius - CLEARANCE_TOLERANCE
+            for region in self.obstacles
         ]
 
     @cached_property
@@ -123,9 +123,9 @@ class Roadmap:
     def steps(self) -> Array:
         """(P, P) steps of legs; infinite where an obstacle blocks them."""
         size = np.abs(self._legs)
-        n = np.maximum(np.ceil(size / self.longest_step - 1e-9), 1.0)
-        free = np.logical_and.reduce([size > CLEARANCE_TOLERANCE, *self.open])
-        return np.where(free, n, np.inf)
+        n_steps = np.maximum(np.ceil(size / self.longest_step - 1e-9), 1.0)
+        is_clear = np.logical_and.reduce([size > CLEARANCE_TOLERANCE, *self.clear_legs])
+        return np.where(is_clear, n_steps, np.inf)
 
     @cached_property
     def costs(self) -> Array:
@@ -135,13 +135,13 @@ class Roadmap:
     @cached_property
     def cost_to_goal(self) -> Array:
         """(P, P) V(i, j): costs from j to the goal, for a puppet that came from i."""
-        p = len(self.points)
-        to_goal = np.full((p, p), np.inf)
-        last = turn_steps(self.directions[:, GOAL], np.array(self.heading))
-        last = last + TURN_COST * (last > 0.0)
-        to_goal[:, GOAL] = np.where(np.isfinite(self.steps[:, GOAL]), last, np.inf)
-        near = np.argsort(np.abs(self._legs[GOAL]), kind="stable")
-        neighbours = [np.flatnonzero(np.isfinite(self.steps[:, j])) for j in range(p)]
+        n_points = len(self.points)
+        to_goal = np.full((n_points, n_points), np.inf)
+        final_turn = turn_steps(self.directions[:, GOAL], np.array(self.heading))
+        final_turn = final_turn + TURN_COST * (final_turn > 0.0)
+        to_goal[:, GOAL] = np.where(np.isfinite(self.steps[:, GOAL]), final_turn, np.inf)
+        by_distance = np.argsort(np.abs(self._legs[GOAL]), kind="stable")
+        neighbours = [np.flatnonzero(np.isfinite(self.steps[:, j])) for j in range(n_points)]
         # A step that turns or stands separates two legs in a row, so that no leg is counted twice.
         corner_costs = [
             np.maximum(
@@ -151,29 +151,35 @@ class Roadmap:
                 1.0,
             )
             + TURN_COST
-            for j in range(p)
+            for j in range(n_points)
         ]
-        changed = np.ones(p, dtype=bool)
-        while np.any(changed):
-            changed_now = np.zeros(p, dtype=bool)
-            for j in near:
-                sources = neighbours[j]
-                if j == GOAL or not np.any(changed[sources] | changed_now[sources]):
+        is_changed = np.ones(n_points, dtype=bool)
+        while np.any(is_changed):
+            is_changed_now = np.zeros(n_points, dtype=bool)
+            for j in by_distance:
+                neighbours_of_point = neighbours[j]
+                if j == GOAL or not np.any(
+                    is_changed[neighbours_of_point] | is_changed_now[neighbours_of_point]
+                ):
                     continue
-                costs = corner_costs[j] + self.costs[j, sources] + to_goal[j, sources]
-                best = np.min(costs, axis=1, initial=np.inf)
-                if np.any(best < to_goal[sources, j]):
-                    to_goal[sources, j], changed_now[j] = best, True
-            changed = changed_now
+                costs = (
+                    corner_costs[j]
+                    + self.costs[j, neighbours_of_point]
+                    + to_goal[j, neighbours_of_point]
+                )
+                least_costs = np.min(costs, axis=1, initial=np.inf)
+                if np.any(least_costs < to_goal[neighbours_of_point, j]):
+                    to_goal[neighbours_of_point, j], is_changed_now[j] = least_costs, True
+            is_changed = is_changed_now
         return to_goal
 
-    def reached(self, masks: Sequence[Mask]) -> Mask:
+    def reached(self, leg_masks: Sequence[Mask]) -> Mask:
         """(P,) bool, points reached from the start by legs that are free in all masks (P, P)."""
-        free = np.logical_and.reduce([np.ones(self._legs.shape, dtype=bool), *masks])
+        is_clear = np.logical_and.reduce([np.ones(self._legs.shape, dtype=bool), *leg_masks])
         is_reached = np.zeros(len(self.points), dtype=bool)
         is_reached[START] = True
         while True:
-            more = is_reached | np.any(free[is_reached], axis=0)
-            if np.array_equal(more, is_reached):
+            extended = is_reached | np.any(is_clear[is_reached], axis=0)
+            if np.array_equal(extended, is_reached):
                 return is_reached
-            is_reached = more
+            is_reached = extended

@@ -10,7 +10,7 @@ import numpy as np
 from fantoccini.base import Array
 from fantoccini.theatre.cast import Footing
 from fantoccini.theatre.plays.play import Play
-from fantoccini.theatre.plays.walks import Walks
+from fantoccini.theatre.plays.walk_planner import WalkPlanner
 from fantoccini.theatre.script import ScriptLog
 
 _SAMPLE_INTERVAL = 0.1
@@ -34,43 +34,43 @@ class WalkPath:
 
 
 @dataclass(frozen=True)
-class Overhead:
+class StagePlan:
     """Stage seen from above.
 
     Attributes:
         marks: name -> (x, y) [m].
-        standing: name -> polygons (n, 2) of obstacles in the way [m].
-        space: ((low, high) of x, (low, high) of y) of the hands [m]; None without bounds.
+        obstacles: name -> polygons (n, 2) of obstacles in the way [m].
+        hand_space: ((low, high) of x, (low, high) of y) of the hands [m]; None without bounds.
         starts: player -> footing at the start.
-        ways: player -> its ways, in order.
+        walks: player -> its ways, in order.
     """
 
     marks: Mapping[str, tuple[float, float]]
-    standing: Mapping[str, tuple[Array, ...]]
-    space: tuple[tuple[float, float], tuple[float, float]] | None
+    obstacles: Mapping[str, tuple[Array, ...]]
+    hand_space: tuple[tuple[float, float], tuple[float, float]] | None
     starts: Mapping[str, Footing]
-    ways: Mapping[str, tuple[WalkPath, ...]]
+    walks: Mapping[str, tuple[WalkPath, ...]]
 
 
-def overhead(play: Play) -> Overhead:
+def make_stage_plan(play: Play) -> StagePlan:
     """Stage of a play seen from above."""
     stage = play.cast.file.stage
-    standing: dict[str, list[Array]] = {}
-    for region in Walks(play.cast, ScriptLog(play.located, play.cast.file.tempo)).blocked:
+    obstacles: dict[str, list[Array]] = {}
+    for region in WalkPlanner(play.cast, ScriptLog(play.located, play.cast.file.tempo)).obstacles:
         corners = region.corners(0.0)
-        standing.setdefault(region.name, []).append(np.stack([corners.real, corners.imag], -1))
-    ways = {}
-    for name, player_ways in play.ways.items():
+        obstacles.setdefault(region.name, []).append(np.stack([corners.real, corners.imag], -1))
+    walks = {}
+    for name, player_walks in play.walks.items():
         paths = []
-        for way in player_ways:
-            n = 2 + int((way.end - way.begin) / _SAMPLE_INTERVAL)
-            places, headings = way.footing(np.linspace(way.begin, way.end, n))
-            paths.append(WalkPath(way.begin, way.end, places, float(headings[-1])))
-        ways[name] = tuple(paths)
-    return Overhead(
+        for walk in player_walks:
+            n = 2 + int((walk.end - walk.begin) / _SAMPLE_INTERVAL)
+            places, headings = walk.footing(np.linspace(walk.begin, walk.end, n))
+            paths.append(WalkPath(walk.begin, walk.end, places, float(headings[-1])))
+        walks[name] = tuple(paths)
+    return StagePlan(
         {name: mark.at for name, mark in stage.marks.items()},
-        {name: tuple(polygons) for name, polygons in standing.items()},
+        {name: tuple(polygons) for name, polygons in obstacles.items()},
         None if stage.space is None else (stage.space.x, stage.space.y),
         {name: player.start for name, player in play.cast.players.items()},
-        ways,
+        walks,
     )

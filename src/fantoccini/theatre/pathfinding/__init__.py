@@ -1,0 +1,6 @@
+"""Path finding for puppets on a stage with obstacles and moving puppets."""
+
+from fantoccini.theatre.pathfinding.planning import NoPath, OtherPlayer, plan_walk
+from fantoccini.theatre.pathfinding.regions import Box, Disk, Rectangle, Region
+
+__all__ = ["Box", "Disk", "NoPath", "OtherPlayer", "Rectangle", "Region", "plan_walk"]
