@@ -89,7 +89,7 @@ def test_it_is_confirmed_by_an_event_driven_run_that_pulls_against_friction(foun
 def test_an_answer_with_an_incomplete_event_driven_run_is_not_confirmed(
     block: fan.Marionette, monkeypatch: pytest.MonkeyPatch
 ):
-    simulated = shooting.uninterrupted
+    simulated = shooting.simulate_uninterrupted
 
     def late(*arguments, method=None, **options):
         """Event-driven runs, which have no method argument, reach their time limit."""
@@ -97,7 +97,7 @@ def test_an_answer_with_an_incomplete_event_driven_run_is_not_confirmed(
             raise TimeoutError
         return simulated(*arguments, method=method, **options)
 
-    monkeypatch.setattr(shooting, "uninterrupted", late)
+    monkeypatch.setattr(shooting, "simulate_uninterrupted", late)
     best = fan.optimise(pulled(block, 0.01), iterations=3)
     assert best.status is fan.control.AnswerStatus.NO_RUN
     assert not best

@@ -67,7 +67,9 @@ def test_extrapolated_derivatives_are_off_by_the_square_of_the_step(crane, nodes
     runs = EventRuns(TimeSteps(crane, 0.05), ChosenParameters(crane, crane.rest(), {}))
     runs_made = runs.run(nodes)
     assert runs_made is not None
-    exact = ExactRuns(runs.steps, runs.chosen).linearise(runs_made[0], runs.ends(*runs_made))
+    exact = ExactRuns(runs.steps, runs.free_parameters).linearise(
+        runs_made[0], runs.ends(*runs_made)
+    )
     deviations = []
     for dt in (0.025, 0.0125):
         linear = TimeSteps(crane, dt).extrapolated(runs_made[0])
@@ -104,7 +106,7 @@ def test_ends_of_intervals_by_states_and_accelerations(crane: fan.Marionette, no
         assert both[:, j] == pytest.approx((up.e - down.e)[0] / (2.0 * STEP), abs=2e-6)
         pulled = (up.tension - down.tension)[0] / (2.0 * STEP)
         size = 1.0 + np.max(np.abs(pulled))
-        assert linear.pull[0, :, j] / size == pytest.approx(pulled / size, abs=1e-5)
+        assert linear.dtension[0, :, j] / size == pytest.approx(pulled / size, abs=1e-5)
 
 
 def test_ends_by_the_length_of_intervals(crane: fan.Marionette):
@@ -118,7 +120,7 @@ def test_ends_by_the_length_of_intervals(crane: fan.Marionette):
     linear = runs.linearise(nodes, runs.ends(nodes, run))
     # All intervals get longer by d: the last state moves by the sum of `later` through A.
     z = np.zeros(16)
-    for A, later in zip(linear.A, linear.by_c[..., 0], strict=True):
+    for A, later in zip(linear.A, linear.dend_c[..., 0], strict=True):
         z = A @ z + later
     states = [
         runs.run(swing.moved(np.zeros((4, 16)), 0.0 * acc, np.array([d]))) for d in (1e-4, -1e-4)

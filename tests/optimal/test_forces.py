@@ -149,7 +149,7 @@ def test_forces_change_with_motions_as_in_their_rows(cart: fan.Marionette):
     linear = runs.linearise(nodes, ends).widened(np.array([1]))
     assert not runs.reasons
     by = objective.rows.derivatives(nodes, linear)[:, :, k : 2 * k + nodes.n_z + 1]
-    z = np.append(linear.start_c[:, 1] * load, load)
+    z = np.append(linear.dstart_c[:, 1] * load, load)
     for i in range(N):
         change = (forces(1e-5)[i] - forces(-1e-5)[i]) / 2e-5
         assert by[i] @ np.concatenate([z, way[i]]) == pytest.approx(change, rel=2e-5, abs=2e-5)

@@ -76,7 +76,7 @@ def test_derivatives_through_releases_and_catches_are_those_of_the_run(
         u = rng.standard_normal(nodes.acc_K.shape)
         z = np.zeros(nodes.n_z)
         for i in range(len(nodes)):
-            z = linear.A[i] @ z + linear.B[i] @ u[i] + linear.by_c[i, :, 0] * longer
+            z = linear.A[i] @ z + linear.B[i] @ u[i] + linear.dend_c[i, :, 0] * longer
 
         def change(step: float, u: np.ndarray = u, longer: float = longer) -> np.ndarray:
             ends = []
@@ -110,7 +110,7 @@ def test_tensions_change_as_their_derivatives(thrown: tuple[HybridRuns, Nodes]):
             moved = runs.run(replace(nodes, acc_K=acc))
             assert moved is not None
             tensions.append(runs.ends(*moved).tension[i, 0])
-        by = linear.pull[i, 0, nodes.n_z + 1]
+        by = linear.dtension[i, 0, nodes.n_z + 1]
         assert by == pytest.approx((tensions[0] - tensions[1]) / 2e-3, rel=1e-6)
 
 

@@ -283,7 +283,7 @@ def test_voltages_change_with_motions_as_in_their_rows(cart: fan.Marionette):
     linear = runs.linearise(nodes, ends).widened(np.array([1, 2, 3]))
     assert not runs.reasons and rows.values(nodes, ends)[0].shape == (N, 6)
     by, change = rows.derivatives(nodes, linear), (values(1e-5) - values(-1e-5)) / 2e-5
-    z = linear.start_c[:, 1:] @ p
+    z = linear.dstart_c[:, 1:] @ p
     z = np.concatenate([z, p])
     for i in range(N):
         after = linear.A[i] @ z + linear.B[i] @ ways[i]

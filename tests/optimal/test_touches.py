@@ -9,8 +9,8 @@ import pytest
 from scipy.optimize import minimize, minimize_scalar
 
 import fantoccini as fan
-from fantoccini.control.optimal import out_of_reach
-from fantoccini.control.optimal.touch_terms import Touches
+from fantoccini.control.optimal import reach_notes
+from fantoccini.control.optimal.touch_terms import TouchTerms
 from fantoccini.control.tasks.chosen_parameters import ChosenParameters
 from fantoccini.control.tasks.nodes import Nodes
 
@@ -290,7 +290,7 @@ pose: {hand.x: 0.1, hand.z: -0.31}
         puppet, x0, (0.2, 0.4), [], interval=0.1, touches=[touch], parameters={"height": (0, 1)}
     )
     chosen = ChosenParameters(puppet, x0, task.parameters)
-    touches, rng = Touches(task, chosen), np.random.default_rng(3)
+    touches, rng = TouchTerms(task, chosen), np.random.default_rng(3)
     nodes = replace(Nodes.still(puppet, x0, 0.4, 4), parameters=np.array([0.25]))
     nodes = nodes.moved(0.3 * rng.normal(size=(5, nodes.n_z)), np.zeros((4, 3)))
     z, c = rng.normal(size=(5, nodes.n_z)), np.array([0.05, 0.5])
@@ -396,5 +396,5 @@ def test_a_place_beyond_reach_is_reported_beforehand(arm: fan.Marionette):
     task = fan.Task(
         arm, arm.rest(), 1.0, [], touches=[fan.control.Touch("lower", (3.0, 0.0, 0.0), TIP)]
     )
-    (text,) = out_of_reach(task)
+    (text,) = reach_notes(task)
     assert text.startswith("lower hangs no nearer than") and "to the place it touches" in text

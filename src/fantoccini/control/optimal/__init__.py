@@ -3,7 +3,7 @@
 from fantoccini.control.optimal.api import check_task, follow, optimise, refuse_winches
 from fantoccini.control.optimal.iterations import Improvable, Limits, improve
 from fantoccini.control.optimal.mpc import MPC, MPCStatus
-from fantoccini.control.optimal.outlook import out_of_reach
+from fantoccini.control.optimal.outlook import reach_notes
 from fantoccini.control.optimal.reached import ReachedPose, ReachedPoses
 from fantoccini.control.optimal.reaching import TargetKey, reach
 from fantoccini.control.optimal.result import Optimum
@@ -24,8 +24,8 @@ __all__ = [
     "follow",
     "improve",
     "optimise",
-    "out_of_reach",
     "reach",
+    "reach_notes",
     "refuse_winches",
     "tune",
 ]

@@ -64,14 +64,14 @@ def end_residual(objective: Objective, nodes: Nodes) -> Residual:
     return Residual(float(errors[index]), text)
 
 
-def clearance_residual(clear: ClearanceRows, run: Trajectory) -> Residual:
+def clearance_residual(clearances: ClearanceRows, run: Trajectory) -> Residual:
     """The largest violation of the required clearance in a run, with the body or string."""
-    if not len(clear):
+    if not len(clearances):
         return NO_RESIDUAL
-    closest = clear.whole.least(run)
-    name = f"the clearance of {clear.whole.pair_at(closest.q_D, closest.q_K).what}"
-    size = clear.margin - closest.distance
-    return _residual(size, name, closest.t, closest.distance, clear.margin, np.inf)
+    closest = clearances.clearance.least(run)
+    name = f"the clearance of {clearances.clearance.pair_at(closest.q_D, closest.q_K).what}"
+    size = clearances.margin - closest.distance
+    return _residual(size, name, closest.t, closest.distance, clearances.margin, np.inf)
 
 
 def touch_residual(touched: tuple[Touched, ...]) -> Residual:
@@ -92,18 +92,18 @@ def no_input_note(nodes: Nodes, linear: LinearEnds, gap: Array) -> str:
     return "; no input moves it"
 
 
-def largest_residual(objective: Objective, at: Iterate, tolerance: float) -> str:
+def largest_residual(objective: Objective, iterate: Iterate, tolerance: float) -> str:
     """Reason why an iterate is not optimal: error at the end, violated bound, or next step."""
     bound, end = (
-        largest_bound_violation(objective, at.nodes, at.ends),
-        end_residual(objective, at.nodes),
+        largest_bound_violation(objective, iterate.nodes, iterate.ends),
+        end_residual(objective, iterate.nodes),
     )
-    worst = max(bound, end, key=lambda residual: residual.rank)
-    if worst.size > max(tolerance, at.stationarity) or not np.isfinite(at.stationarity):
-        return worst.text or "the search ended before a step was found"
-    if at.solution is None:
+    largest = max(bound, end, key=lambda residual: residual.rank)
+    if largest.size > max(tolerance, iterate.stationarity) or not np.isfinite(iterate.stationarity):
+        return largest.text or "the search ended before a step was found"
+    if iterate.solution is None:
         return "no step was found"
-    nodes, (_, u, _) = at.nodes, objective.widened(at.solution)
+    nodes, (_, u, _) = iterate.nodes, objective.expanded(iterate.solution)
     i, j = np.unravel_index(int(np.argmax(np.abs(u))), u.shape)
     low, high = objective.limits(nodes.interval).acceleration[j] * np.array([-1.0, 1.0])
     return (
@@ -154,22 +154,22 @@ def _residual(size: float, name: str, t: float, value: float, low: float, high: 
     )
 
 
-def search_status(at: Iterate, limits: Limits) -> AnswerStatus:
+def search_status(iterate: Iterate, limits: Limits) -> AnswerStatus:
     """Status of a search whose motion keeps its bounds and reaches its end."""
-    if at.kkt <= limits.tolerance:
+    if iterate.kkt <= limits.tolerance:
         return AnswerStatus.SOLVED
-    if at.settled:
+    if iterate.settled:
         return AnswerStatus.SETTLED
-    if at.stalled:
+    if iterate.stalled:
         return AnswerStatus.STALLED
-    is_late = time.perf_counter() > limits.until
+    is_late = time.perf_counter() > limits.deadline
     return AnswerStatus.TIMEOUT if is_late else AnswerStatus.ITERATIONS
 
 
-def early_end_note(at: Iterate, limits: Limits) -> str:
+def early_end_note(iterate: Iterate, limits: Limits) -> str:
     """Note on the limit that ended a search before its motion held; may be empty."""
-    if time.perf_counter() > limits.until:
+    if time.perf_counter() > limits.deadline:
         return "; the time limit ended the search: raise time_limit"
-    if at.iterations >= limits.iterations:
+    if iterate.iterations >= limits.iterations:
         return f"; {limits.iterations} iterations ended the search: allow more"
     return ""

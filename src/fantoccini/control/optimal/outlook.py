@@ -16,7 +16,7 @@ _MIN_DISTANCE = 1e-3
 """Smallest distance from a path that is reported [m]."""
 
 
-def out_of_reach(task: Task) -> list[str]:
+def reach_notes(task: Task) -> list[str]:
     """Notes on points that cannot hang near their path or touch: the distance and its reason.
 
     A motion may swing farther than the puppet hangs, so this is no mistake of the task. Points

@@ -95,13 +95,13 @@ class Optimum(Answer):
     @property
     def parameters(self) -> dict[str, float]:
         """The values of the parameters that were chosen."""
-        names = self._runs.chosen.names
+        names = self._runs.free_parameters.names
         return dict(zip(names, self.nodes.parameters.tolist(), strict=True))
 
     @property
     def marionette(self) -> Marionette:
         """The puppet with the parameters that were chosen."""
-        return self._runs.chosen.marionette(self.nodes.parameters)
+        return self._runs.free_parameters.marionette(self.nodes.parameters)
 
     @property
     def t(self) -> Times:
@@ -125,8 +125,8 @@ class Optimum(Answer):
 
         z = (dq_D, dv_D, dq_K, dv_K); for the cost without jerks, without active bounds.
         """
-        at = self._iterate
-        linear = self._runs.linearise(at.nodes, at.ends)
+        iterate = self._iterate
+        linear = self._runs.linearise(iterate.nodes, iterate.ends)
         task = replace(
             self.task,
             bounds=self.bounds,
@@ -136,10 +136,10 @@ class Optimum(Answer):
             smooth=replace(self.task.smooth, jerk=0.0),
         )
         objective = Objective(task)
-        nodes = replace(at.nodes, parameters=np.zeros(0))
+        nodes = replace(iterate.nodes, parameters=np.zeros(0))
         objective.set_unit(nodes, linear)
-        program = objective.program(nodes, linear, _GAIN_DAMPING * objective.unit, at.force)
-        return objective.widened_gains(program.gains)
+        program = objective.program(nodes, linear, _GAIN_DAMPING * objective.unit, iterate.force)
+        return objective.expanded_gains(program.gains)
 
     def errors(self) -> dict[str, Array]:
         """Name of every track -> (N + 1,) |r| at the nodes, the distance from its path.
