@@ -113,7 +113,7 @@ def follow(law: Feedback, x0: State, closed: bool) -> Followed:
     puppet, states, commanded = MuJoCoPuppet(problem.marionette, STEP), [x0], []
     puppet.put(x0.q_D, x0.v_D)
     for k, n_checks in enumerate(law.n_checks):
-        commanded.append(law.acceleration(k, states[-1]) if closed else law.planned[k])
+        commanded.append(law.acceleration(k, states[-1]) if closed else law.planned_acceleration[k])
         for _ in range(n_checks):
             states.append(advanced(puppet, states[-1], interval, commanded[-1]))
     whole = np.all(np.isfinite(np.concatenate([states[-1].q_D, states[-1].v_D])))

@@ -94,7 +94,7 @@ def test_obstacles_of_a_task_are_avoided_without_a_clearance(ball_arm: fan.Mario
 
 def test_values_and_derivatives_are_those_of_two_spheres(ball_arm: fan.Marionette):
     rows = ClearanceRows(ball_arm, 0.02, self_collision=False)
-    nodes = Nodes.still(ball_arm, ball_arm.rest().replace(q_D=np.array([0.9, -0.6])), 1.0, 2)
+    nodes = Nodes.constant(ball_arm, ball_arm.rest().replace(q_D=np.array([0.9, -0.6])), 1.0, 2)
     j = rows.names.index("ball")
     pin, swing = nodes.q_D[1]
 
@@ -132,7 +132,7 @@ def test_a_motion_that_begins_too_near_is_violated(ball_arm: fan.Marionette):
 
 def test_bodies_of_one_puppet_keep_apart_on_request():
     puppet = fan.puppets.marionette()
-    nodes = Nodes.still(puppet, puppet.rest(), 1.0, 1)
+    nodes = Nodes.constant(puppet, puppet.rest(), 1.0, 1)
     j = ClearanceRows(puppet, 0.01, self_collision=True).names.index("forearm_right")
     clearances = [
         ClearanceRows(puppet, 0.01, self_collision=own_body).value(nodes)[0, j]

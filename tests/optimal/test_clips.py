@@ -8,7 +8,7 @@ import pytest
 import fantoccini as fan
 from fantoccini.base import rotation
 from fantoccini.control.tasks.nodes import Nodes
-from fantoccini.control.tasks.residuals import NodeKinematics, residual_of
+from fantoccini.control.tasks.residuals import NodeKinematics, track_residual
 
 TIP = (0.3, 0.0, 0.0)
 
@@ -69,7 +69,7 @@ def test_a_clip_begins_later_runs_faster_and_is_moved(arm: fan.Marionette, take:
 def test_the_residual_of_a_puppet_on_its_own_clip_is_zero(
     arm: fan.Marionette, take: fan.Trajectory
 ):
-    resting = Nodes.still(arm, take.state(0), 1.0, 10)
+    resting = Nodes.constant(arm, take.state(0), 1.0, 10)
     at = take.resample(resting.t)
     nodes = Nodes(arm.coordinates, 0.0, 0.1, at.q_D, at.v_D, at.q_K, at.v_K, resting.acc_K)
     for track in (
@@ -78,7 +78,7 @@ def test_the_residual_of_a_puppet_on_its_own_clip_is_zero(
         fan.control.Track.orientation("lower", fan.control.Clip(take)),
         fan.control.Track.coordinate("elbow", fan.control.Clip(take)),
     ):
-        r = residual_of(arm, track, nodes).value(NodeKinematics(arm, nodes))
+        r = track_residual(arm, track, nodes).value(NodeKinematics(arm, nodes))
         assert r == pytest.approx(0.0 * r, abs=1e-8)
 
 

@@ -113,14 +113,16 @@ def test_the_derivatives_are_those_of_the_time_steps_of_the_search(block: fan.Ma
     task = pulled(block, 0.01)
     chosen = ChosenParameters(block, task.x0, {})
     runs = shooting.StepRuns(TimeSteps(block, 0.01, 1, chosen, True), chosen)
-    nodes, run = runs.run(Nodes.of_input(block, task.x0, task.guess, T, N))
+    nodes, run = runs.run(Nodes.from_input(block, task.x0, task.guess, T, N))
     linear = runs.linearise(nodes, runs.ends(nodes, run))
     du = 1e-5 * np.sin(np.arange(N))[:, None]
     z = np.zeros((N + 1, nodes.n_z))
     for i in range(N):
         z[i + 1] = linear.A[i] @ z[i] + linear.B[i] @ du[i]
-    ends = [runs.run(nodes.moved(0.0 * z, sign * du))[0] for sign in (1.0, -1.0)]
-    difference = ends[1].between(ends[0].q_D, ends[0].v_D, ends[0].q_K, ends[0].v_K, first=0) / 2.0
+    ends = [runs.run(nodes.after_step(0.0 * z, sign * du))[0] for sign in (1.0, -1.0)]
+    difference = (
+        ends[1].changes_to(ends[0].q_D, ends[0].v_D, ends[0].q_K, ends[0].v_K, first_node=0) / 2.0
+    )
     assert np.max(np.abs(difference - z)) < 1e-4 * np.max(np.abs(z))
 
 

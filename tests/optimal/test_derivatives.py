@@ -12,7 +12,7 @@ from fantoccini.control.optimal.shooting import EventRuns
 from fantoccini.control.tasks.chosen_parameters import ChosenParameters
 from fantoccini.control.tasks.costs import Track
 from fantoccini.control.tasks.nodes import Nodes
-from fantoccini.control.tasks.residuals import NodeKinematics, residual_of
+from fantoccini.control.tasks.residuals import NodeKinematics, track_residual
 
 STEP = 1e-6
 
@@ -22,12 +22,12 @@ def nodes(crane: fan.Marionette) -> Nodes:
     """Several states in motion, with all strings taut."""
     x0 = crane.rest()
     random = np.random.default_rng(3)
-    resting = Nodes.still(crane, x0, 0.8, 8)
+    resting = Nodes.constant(crane, x0, 0.8, 8)
     n = resting.table.n_vD
     z = np.zeros((9, resting.n_z))
     z[1:, 3:6] = 0.1 * random.normal(size=(8, 3))
     z[1:, n : 2 * n] = 0.05 * random.normal(size=(8, n))
-    return resting.moved(z, 0.2 * random.normal(size=resting.acc_K.shape))
+    return resting.after_step(z, 0.2 * random.normal(size=resting.acc_K.shape))
 
 
 @pytest.mark.parametrize(
@@ -43,14 +43,14 @@ def nodes(crane: fan.Marionette) -> Nodes:
     ids=lambda track: f"{track.kind}-{track.name}",
 )
 def test_residuals_by_changes_of_states(crane: fan.Marionette, nodes: Nodes, track: Track):
-    residual = residual_of(crane, track, nodes)
+    residual = track_residual(crane, track, nodes)
     derivative = residual.derivatives(NodeKinematics(crane, nodes))
     for j in range(nodes.n_z):
         z = np.zeros((len(nodes) + 1, nodes.n_z))
         z[:, j] = STEP
         zeros = np.zeros_like(nodes.acc_K)
         up, down = (
-            residual.value(NodeKinematics(crane, nodes.moved(sign * z, zeros)))
+            residual.value(NodeKinematics(crane, nodes.after_step(sign * z, zeros)))
             for sign in (1.0, -1.0)
         )
         assert derivative[:, :, j] == pytest.approx((up - down) / (2.0 * STEP), abs=1e-7)
@@ -89,7 +89,7 @@ def test_ends_of_intervals_by_states_and_accelerations(crane: fan.Marionette, no
     n_z, k = interval_nodes.n_z, interval_nodes.acc_K.shape[1]
     # The second node is at the end of the interval, where changes are small.
     away = np.concatenate([np.zeros((1, n_z)), steps.linearise(interval_nodes).e])
-    interval_nodes = interval_nodes.moved(away, np.zeros((1, k)))
+    interval_nodes = interval_nodes.after_step(away, np.zeros((1, k)))
     linear = steps.linearise(interval_nodes)
     assert np.all(linear.settled) and np.all(linear.taut)
     assert linear.e == pytest.approx(0.0, abs=1e-12)
@@ -101,7 +101,7 @@ def test_ends_of_intervals_by_states_and_accelerations(crane: fan.Marionette, no
         else:
             u[0, j - n_z] = STEP
         up, down = (
-            steps.linearise(interval_nodes.moved(sign * z, sign * u)) for sign in (1.0, -1.0)
+            steps.linearise(interval_nodes.after_step(sign * z, sign * u)) for sign in (1.0, -1.0)
         )
         assert both[:, j] == pytest.approx((up.e - down.e)[0] / (2.0 * STEP), abs=2e-6)
         pulled = (up.tension - down.tension)[0] / (2.0 * STEP)
@@ -112,7 +112,7 @@ def test_ends_of_intervals_by_states_and_accelerations(crane: fan.Marionette, no
 def test_ends_by_the_length_of_intervals(crane: fan.Marionette):
     x0 = crane.rest()
     acc = np.array([[0.4, 0.0], [-0.3, 0.1], [0.2, -0.1]])
-    swing = Nodes.still(crane, x0, 0.9, 3).moved(np.zeros((4, 16)), acc)
+    swing = Nodes.constant(crane, x0, 0.9, 3).after_step(np.zeros((4, 16)), acc)
     runs = EventRuns(TimeSteps(crane, 0.0005), ChosenParameters(crane, x0, {}))
     at = runs.run(swing)
     assert at is not None
@@ -123,17 +123,18 @@ def test_ends_by_the_length_of_intervals(crane: fan.Marionette):
     for A, later in zip(linear.A, linear.dend_c[..., 0], strict=True):
         z = A @ z + later
     states = [
-        runs.run(swing.moved(np.zeros((4, 16)), 0.0 * acc, np.array([d]))) for d in (1e-4, -1e-4)
+        runs.run(swing.after_step(np.zeros((4, 16)), 0.0 * acc, np.array([d])))
+        for d in (1e-4, -1e-4)
     ]
     (up, _), (down, _) = states[0], states[1]
-    moved = down.between(up.q_D, up.v_D, up.q_K, up.v_K, first=0)[-1] / 2e-4
+    moved = down.changes_to(up.q_D, up.v_D, up.q_K, up.v_K, first_node=0)[-1] / 2e-4
     assert z == pytest.approx(moved, abs=0.01 * np.max(np.abs(moved)))
 
 
 def test_nodes_move_by_their_difference(crane: fan.Marionette, nodes: Nodes):
     random = np.random.default_rng(0)
     z, u = 0.3 * random.normal(size=(9, nodes.n_z)), random.normal(size=(8, 2))
-    moved = nodes.moved(z, u)
+    moved = nodes.after_step(z, u)
     there = (moved.q_D, moved.v_D, moved.q_K, moved.v_K)
-    assert nodes.between(*there, first=0) == pytest.approx(z, abs=1e-12)
+    assert nodes.changes_to(*there, first_node=0) == pytest.approx(z, abs=1e-12)
     assert moved.acc_K - nodes.acc_K == pytest.approx(u, abs=1e-12)

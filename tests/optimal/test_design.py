@@ -71,7 +71,7 @@ def test_the_cost_changes_with_parameters_as_in_its_program(lever: fan.Marionett
     runs, objective = EventRuns(TimeSteps(lever, task.dt, 1, chosen), chosen), Objective(task)
     acc = 0.3 * np.random.default_rng(0).normal(size=(20, 1))
     first = replace(
-        Nodes.still(lever, task.x0, 1.0, 20), acc_K=acc, parameters=np.array([-0.55, 1.2, 0.02])
+        Nodes.constant(lever, task.x0, 1.0, 20), acc_K=acc, parameters=np.array([-0.55, 1.2, 0.02])
     )
 
     def cost(change: np.ndarray) -> float:

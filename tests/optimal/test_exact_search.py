@@ -41,7 +41,7 @@ def test_the_gradient_through_catches_is_that_of_differences(arm: fan.Marionette
     runs, objective = ExactRuns(TimeSteps(arm, 0.005, 1, chosen), chosen), Objective(task)
     acc = np.zeros((16, 2))
     acc[:, arm.coordinates.v_K.index("hand.length")] = [-5] * 5 + [6] * 8 + [0] * 3
-    first = replace(Nodes.still(arm, x0, 0.8, 16), acc_K=acc)
+    first = replace(Nodes.constant(arm, x0, 0.8, 16), acc_K=acc)
 
     def cost(nodes: Nodes) -> float:
         run = runs.run(nodes)

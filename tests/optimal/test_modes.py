@@ -29,7 +29,7 @@ def thrown(arm: fan.Marionette) -> tuple[HybridRuns, Nodes]:
     chosen = ChosenParameters(arm, x0, {})
     runs = HybridRuns(TimeSteps(arm, 0.005, 1, chosen), chosen)
     acc = np.stack([2.0 * np.sin(np.arange(25.0)), TUGS - np.mean(TUGS)], axis=1)
-    nodes = replace(Nodes.still(arm, x0, 1.0, len(acc)), acc_K=acc)
+    nodes = replace(Nodes.constant(arm, x0, 1.0, len(acc)), acc_K=acc)
     run = runs.run(nodes)
     assert run is not None
     return runs, run[0]
@@ -87,7 +87,7 @@ def test_derivatives_through_releases_and_catches_are_those_of_the_run(
                 run_made = runs.run(moved)
                 assert run_made is not None
                 assert events(run_made[1]) == events(run)
-                ends.append(run_made[0].numbers[-1])
+                ends.append(run_made[0].scalars[-1])
             return (ends[0] - ends[1]) / (2.0 * step)
 
         coarse, fine = change(2e-4), change(1e-4)
@@ -244,7 +244,7 @@ def test_random_inputs_stay_within_their_bounds(arm: fan.Marionette):
     pushed = np.full((2, 80, 2), 40.0)
     pushed[1] = -40.0
     for acc in (wild, pushed):
-        limited = driven.within(acc, h)
+        limited = driven.clipped(acc, h)
         v = np.cumsum(h * limited, axis=1)
         q = task.x0.q_K + np.cumsum(h * (v - 0.5 * h * limited), axis=1)
         assert np.max(np.abs(limited)) <= 30.0
@@ -254,7 +254,7 @@ def test_random_inputs_stay_within_their_bounds(arm: fan.Marionette):
             assert np.min(q[..., k]) >= low - 1e-12
             assert np.max(q[..., k]) <= high + 1e-12
     assert np.abs(v[:, -1]) == pytest.approx(0.0, abs=1e-3)
-    ended = driven.ending(wild, h)
+    ended = driven.projected_onto_end(wild, h)
     v = np.cumsum(h * ended, axis=1)
     q = task.x0.q_K + np.cumsum(h * (v - 0.5 * h * ended), axis=1)
     assert q[:, -1] == pytest.approx(np.tile(task.end.q_K, (50, 1)))

@@ -34,7 +34,7 @@ def task_of(folder: Path, more: str) -> fan.Task:
 def test_coordinates_that_a_problem_file_does_not_name_hold_still(tmp_path, bounds):
     task = task_of(tmp_path, bounds + "\n")
     problem, table = fan.control.Problem.of(task), task.marionette.coordinates
-    assert [name for name, may in zip(table.q_K, problem.bounds.moves, strict=True) if may] == [
+    assert [name for name, may in zip(table.q_K, problem.bounds.movable, strict=True) if may] == [
         "line.x"
     ]
     best = fan.optimise(task, iterations=20)

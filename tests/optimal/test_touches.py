@@ -291,12 +291,12 @@ pose: {hand.x: 0.1, hand.z: -0.31}
     )
     chosen = ChosenParameters(puppet, x0, task.parameters)
     touches, rng = TouchTerms(task, chosen), np.random.default_rng(3)
-    nodes = replace(Nodes.still(puppet, x0, 0.4, 4), parameters=np.array([0.25]))
-    nodes = nodes.moved(0.3 * rng.normal(size=(5, nodes.n_z)), np.zeros((4, 3)))
+    nodes = replace(Nodes.constant(puppet, x0, 0.4, 4), parameters=np.array([0.25]))
+    nodes = nodes.after_step(0.3 * rng.normal(size=(5, nodes.n_z)), np.zeros((4, 3)))
     z, c = rng.normal(size=(5, nodes.n_z)), np.array([0.05, 0.5])
     zeros = np.zeros((4, 3))
     step = 1e-5
-    gaps = [touches.gap(nodes.moved(x * z, zeros, x * c)) for x in (-step, step)]
+    gaps = [touches.gap(nodes.after_step(x * z, zeros, x * c)) for x in (-step, step)]
     change = -(gaps[1] - gaps[0]) / (2.0 * step)
     at = touches.moments(nodes)
     assert at.edge[0] != 0.0 and at.intervals[0] == 1

@@ -55,7 +55,7 @@ def test_plans_are_confirmed_event_driven_by_default(damped):
 
 
 def refused(plan: PlanPath) -> check.Check:
-    return dataclasses.replace(check.confirmed(plan), arrives=False, fault="it misses the goal")
+    return dataclasses.replace(check.confirm_plan(plan), arrives=False, fault="it misses the goal")
 
 
 def test_the_search_continues_after_an_unconfirmed_plan(boxes, monkeypatch, tmp_path):
@@ -64,16 +64,16 @@ def test_the_search_continues_after_an_unconfirmed_plan(boxes, monkeypatch, tmp_
 
     def not_the_first_two(plan: PlanPath) -> check.Check:
         plans.append(plan)
-        return check.confirmed(plan) if len(plans) > 2 else refused(plan)
+        return check.confirm_plan(plan) if len(plans) > 2 else refused(plan)
 
-    monkeypatch.setattr(search, "confirmed", not_the_first_two)
+    monkeypatch.setattr(search, "confirm_plan", not_the_first_two)
     plan = solve(boxes, seed=0, time_limit=60.0)
     assert plan and plan.verify(method="event").arrives
     assert plan.refused >= 2 and len(plans) == plan.refused + 1
     assert f"{plan.refused} refused, which do not hold in simulation" in repr(plan)
     plan.save(tmp_path / "plan.npz")
     assert PlanResult.load(tmp_path / "plan.npz", boxes).refused == plan.refused
-    monkeypatch.setattr(search, "confirmed", refused)
+    monkeypatch.setattr(search, "confirm_plan", refused)
     none = solve(boxes, seed=0, iterations=2000, time_limit=60.0)
     assert not none and none.status is fan.control.AnswerStatus.APPROXIMATE and none.refused > 0
     assert "do not hold in simulation" in none.message and none.distance > boxes.tolerance
@@ -90,7 +90,7 @@ def test_a_plan_with_too_weak_drives_is_not_confirmed(boxes, monkeypatch, status
         PlanPath, "simulate", lambda *a, **o: dataclasses.replace(simulate(*a, **o), status=status)
     )
     assert not plan.verify(method="event").arrives
-    assert not check.confirmed(plan.plan_path).arrives
+    assert not check.confirm_plan(plan.plan_path).arrives
 
 
 def test_ctrl_c_while_a_plan_is_confirmed_ends_the_search(boxes, monkeypatch):
@@ -106,7 +106,7 @@ def test_a_true_plan_is_confirmed_in_any_case(boxes, monkeypatch):
     """bool(plan) of an unconfirmed search simulates the plan."""
     plan = first_plan(boxes, made=lambda p: solve(boxes, seed=0, confirm=False))
     assert plan.status is fan.control.AnswerStatus.UNCONFIRMED and plan.holds
-    monkeypatch.setattr(result, "confirmed", refused)
+    monkeypatch.setattr(result, "confirm_plan", refused)
     repeated = PlanResult.of(plan.search)
     assert not repeated and "does not hold in simulation" in repeated.message
     assert repeated.distance <= boxes.tolerance
@@ -128,7 +128,7 @@ def test_contact_between_checks_is_found(boxes):
     )
     clearances = with_bead.rollouts.clearance.of(run.resample(first))
     assert clearances.min() > 0.0
-    plan_checked = check.checked(PlanPath(with_bead, plan.tree, plan.path), method="event")
+    plan_checked = check.check_plan(PlanPath(with_bead, plan.tree, plan.path), method="event")
     assert plan_checked.clearance < 0.0 and not plan_checked.arrives
 
 
@@ -154,7 +154,7 @@ def test_polish_has_a_status(boxes, monkeypatch, tmp_path):
     assert 1e-15 < tried.polished.nearest < 1e-3 and "nearest:" in tried.message
     tried.save(tmp_path / "plan.npz")
     assert PlanResult.load(tmp_path / "plan.npz", boxes).polished == tried.polished
-    monkeypatch.setattr(search, "confirmed", refused)
+    monkeypatch.setattr(search, "confirm_plan", refused)
     plan = solve(boxes, confirm=False)
     plan.search.options = dataclasses.replace(plan.search.options, confirm=True)
     left = plan.polish(0.2, seconds=0.0)

@@ -7,7 +7,7 @@ import pytest
 
 import fantoccini as fan
 from fantoccini.control.planning import PlanResult, solve
-from fantoccini.control.planning.active_sets import event_derivatives, extended
+from fantoccini.control.planning.active_sets import advance_states, event_derivatives
 from fantoccini.control.planning.planners import PlannerRound
 from fantoccini.control.problems import Problem
 from fantoccini.control.tasks import AnswerStatus, StateArrays
@@ -59,7 +59,7 @@ def test_a_late_or_early_catch_uses_the_gains_of_its_mode(lift, kicks):
     """At the second node it is on the other side of the catch than the plan."""
     plan, late = dropped(lift, 4), kicks[0] > 0.0
     by_event, by_time = plan.feedback(), plan.feedback(window=0)
-    assert by_event.active[1, 0] == late and not len(by_time.extended.late)
+    assert by_event.active[1, 0] == late and not len(by_time.extensions.timed_out)
     deviations = []
     for kick in kicks:
         start = plan.start.replace(v_D=plan.start.v_D + np.array([kick, 0.0]))
@@ -106,10 +106,10 @@ def test_active_sets_are_extended_as_in_the_event_driven_method():
         active = x.taut[None, :1]
         assert np.array_equal(y.taut, x.taut)
         begin = StateArrays.of(x.replace(slip=np.zeros(1)))
-        end = extended(arm, begin, active, acc_K[None], np.array([0.1]))
+        end = advance_states(arm, begin, active, acc_K[None], np.array([0.1]))
         for name in ("q_D", "v_D", "q_K", "v_K"):
             np.testing.assert_allclose(getattr(end, name)[0], getattr(y, name), atol=2e-4)
-        back = extended(arm, end, active, acc_K[None], np.array([-0.1]))
+        back = advance_states(arm, end, active, acc_K[None], np.array([-0.1]))
         np.testing.assert_allclose(back.q_D[0], x.q_D, atol=1e-6)
 
 

@@ -95,15 +95,15 @@ def test_projected_changes_keep_taut_strings_taut(plan, law):
 def test_derivatives_predict_where_neighbours_end(plan, law):
     """Segments without events, for neighbours with the same active set as the plan's."""
     marionette, rng = plan.problem.marionette, np.random.default_rng(2)
-    free = plan.rollouts.with_tolerance(tolerance=-1.0, free=True)
+    free = plan.rollouts.with_tolerance(tolerance=-1.0, unbounded=True)
     onto = taut_projection(marionette, law.nodes, np.ones((len(law.nodes.q_D), 1), dtype=bool))
     quiet = np.flatnonzero(plan.tree.catches[list(plan.path[1:])] == 0)
     for k in quiet[::4]:
         z = onto[k] @ rng.normal(size=onto.shape[1]) * 1e-4
         more = rng.normal(size=3) * 1e-4
         start = changed(plan, law.nodes[[k]], z)
-        ended = free.replay(start, law.planned[k] + more, int(law.n_checks[k]))
-        reached = law.away(law.nodes[k + 1], at(plan, ended[0]))
+        ended = free.replay(start, law.planned_acceleration[k] + more, int(law.n_checks[k]))
+        reached = law.deviation(law.nodes[k + 1], at(plan, ended[0]))
         predicted = law.A[k] @ z + law.B[k] @ more
         assert np.linalg.norm(reached - predicted) < 0.1 * np.linalg.norm(reached)
 
@@ -115,7 +115,9 @@ def test_derivatives_include_catches(plan, slack):
     x = at(plan, StateArrays(law.q_D, np.zeros(4), np.zeros(1), law.q_K, np.zeros(3)))
     x = x.replace(q_K=x.q_K + np.array([0.0, 0.0, slack]))
     options = dataclasses.replace(plan.rollouts.run_options, dt=4e-4, save_every=50)
-    A, _ = segment_derivatives(arm, StateArrays.of(x), np.zeros((1, 3)), options, 5, apart=1e-3)
+    A, _ = segment_derivatives(
+        arm, StateArrays.of(x), np.zeros((1, 3)), options, 5, difference=1e-3
+    )
     exact = fan.dynamics.sensitivity(arm, x, t_end=0.1)
     assert [event.kind.value for event in exact.run.events] == ["catch"]
     wrong = np.linalg.norm(A[0][:8, :8] - exact.by_x0[-1]) / np.linalg.norm(exact.by_x0[-1])
@@ -145,7 +147,7 @@ def test_an_undisturbed_puppet_follows_the_plan(plan, law):
     followed, planned = law.run(), law.run(closed=False)
     assert followed.arrives and planned.arrives
     # Rounding, and its effects.
-    np.testing.assert_allclose(followed.acceleration, law.planned, atol=1e-5)
+    np.testing.assert_allclose(followed.acceleration, law.planned_acceleration, atol=1e-5)
     assert abs(planned.distance - plan.distance) < 1e-5
     assert law.run(method="event").arrives
 
@@ -173,7 +175,7 @@ def test_steppers_that_lose_steps_are_followed_to_the_end(plan, law):
 
 def test_without_events_gains_go_by_time(plan, law):
     """If the plan's string is taut all the way, this holds to the last bit."""
-    assert np.all(law.active) and not len(law.extended.late)
+    assert np.all(law.active) and not len(law.extensions.timed_out)
     by_time = plan.feedback(window=0)
     kicked = plan.problem.marionette.project(plan.start.replace(v_D=[0.3, 0.1, 0.0, -0.4]))
     runs = [each.run(kicked) for each in (law, by_time)]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.control.problems.balance import balanced
+from fantoccini.control.problems.balance import nearest_equilibrium
 
 pytestmark = [pytest.mark.slow, pytest.mark.long]
 
@@ -52,8 +52,8 @@ def test_feedback_along_the_bell_absorbs_kicks():
 
 def test_the_rest_at_the_goal_is_a_stable_equilibrium():
     problem = fan.control.load_problem("marionette_bell")
-    puppet, moves = problem.marionette, problem.rollouts.bounds.moves
-    q_D, q_K, left = balanced(puppet, problem.goal, problem.start, moves)
+    puppet, moves = problem.marionette, problem.rollouts.bounds.movable
+    q_D, q_K, left = nearest_equilibrium(puppet, problem.goal, problem.start, moves)
     assert left < 1e-9 * puppet.weight
     moved_state = problem.start.replace(q_D=q_D, q_K=q_K)
     assert np.max(np.abs(puppet.rest(moved_state).q_D - q_D)) < 1e-6

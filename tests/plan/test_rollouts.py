@@ -149,7 +149,7 @@ def test_regulated_motions_come_to_rest_at_the_goal():
         task.root,
         np.zeros(4),
         np.zeros((4, 100, 3)),
-        n_given=np.zeros(4),
+        n_prescribed=np.zeros(4),
         lead_time=np.array([0.3, 0.5, 0.8, 1.0]),
     )
     assert np.all(rolled.distance[:, -1] < 0.02)
@@ -230,7 +230,7 @@ def test_python_hears_signals_while_many_rollouts_are_simulated():
     before = signal.signal(signal.SIGALRM, lambda *_: heard.append(len(heard)))
     try:
         signal.setitimer(signal.ITIMER_REAL, 0.005, 0.005)
-        task.rollouts.with_tolerance(tolerance=-1.0, free=True).simulate(
+        task.rollouts.with_tolerance(tolerance=-1.0, unbounded=True).simulate(
             task.root, np.zeros(256), push
         )
         during = len(heard)

@@ -60,7 +60,8 @@ def test_derivatives_are_those_of_larger_changes(shooting, V):
     x = random.normal(size=by.residual.shape[1])
     size = 3e-4
     there, back = (
-        shooting.candidates(shooting.changed(V, by.basis, s * size * x)[None]) for s in (1.0, -1.0)
+        shooting.candidates(shooting.with_step(V, by.basis, s * size * x)[None])
+        for s in (1.0, -1.0)
     )
     residual = (there.residual[0] - back.residual[0]) / (2.0 * size)
     assert np.linalg.norm(by.residual @ x - residual) < 0.01 * np.linalg.norm(residual)
@@ -71,7 +72,7 @@ def test_derivatives_are_those_of_larger_changes(shooting, V):
 
 def test_first_segments_are_kept_on_request(shooting, V):
     candidate = shooting.candidates(V[None])
-    by = shooting.derivatives(candidate, first=len(V) - 7)
+    by = shooting.derivatives(candidate, first_segment=len(V) - 7)
     assert not by.basis[: len(V) - 7].any() and by.basis[len(V) - 7 :].any(axis=1).all()
 
 
@@ -84,10 +85,10 @@ def test_steps_keep_bounds_and_reduce_the_distance(boxes, shooting, V):
         by = shooting.derivatives(candidate)
         x = step(shooting, candidate, by, trust=0.1)
         assert np.max(np.abs(x)) <= 0.1 + 1e-6
-        to = shooting.changed(deflected, by.basis, x)
+        to = shooting.with_step(deflected, by.basis, x)
         assert np.all(np.abs(to) <= bounds.speed + 1e-6)
         assert np.all(np.abs(shooting.accelerations(to)) <= bounds.acceleration + 1e-5)
-        tried = [shooting.changed(deflected, by.basis, part * x) for part in 0.5 ** np.arange(8)]
+        tried = [shooting.with_step(deflected, by.basis, part * x) for part in 0.5 ** np.arange(8)]
         better = shooting.candidates(shooting.within(np.stack(tried))).best
         assert better.merit[0] < 0.95 * candidate.merit[0]
 

@@ -113,7 +113,7 @@ def test_unwanted_contact_is_reported(touch):
     tip = ARM.poses(at.q_D, at.q_K)[1] @ [0.2, 0.0, 0.0, 1.0]
     post = POST | {"size": [0.02, 0.3, 0.02], "at": (tip - [0.0, 0.0, 0.03]).tolist()}
     task = Problem(ARM, START, ON_TABLE, [post])
-    checked = check.checked(PlanPath(task, plan.tree, plan.path))
+    checked = check.check_plan(PlanPath(task, plan.tree, plan.path))
     (met,) = checked.forbidden
     assert not checked.arrives and met.parts == ("hand", "post") and met.speed > 0.0
     assert f"hand touches post at {met.t:.3g} s" in checked.fault
@@ -136,7 +136,7 @@ def test_rollouts_end_at_forbidden_contact(past_post, touch):
         tolerance=-1.0,
         margin=-np.inf,
         slack=True,
-        kept_off=every,
+        forbidden_pairs=every,
     )
     checked = strict.simulate(past_post.root, start, acceleration)
     first = int(np.flatnonzero(checked.n_checks[0] == 0)[0])

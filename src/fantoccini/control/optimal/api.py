@@ -380,8 +380,8 @@ def first_nodes(task: Task, free_parameters: ChosenParameters, guess: GuessLike 
     """
     _check_guess(guess)
     N, (shortest, longest) = task.n_intervals, task.durations
-    nodes = Nodes.still(task.marionette, task.x0, longest, N)
-    values = free_parameters.own_values
+    nodes = Nodes.constant(task.marionette, task.x0, longest, N)
+    values = free_parameters.default_values
     if isinstance(guess, Optimum):
         values = np.array(
             [guess.parameters.get(n, v) for n, v in zip(free_parameters.names, values, strict=True)]
@@ -391,12 +391,12 @@ def first_nodes(task: Task, free_parameters: ChosenParameters, guess: GuessLike 
             interval = min(max(guess.nodes.interval, shortest / N), longest / N)
             nodes = replace(nodes, interval=interval, acc_K=guess.nodes.acc_K)
         else:
-            nodes = Nodes.of_input(task.marionette, task.x0, guess.inputs, longest, N)
+            nodes = Nodes.from_input(task.marionette, task.x0, guess.inputs, longest, N)
     elif isinstance(guess, Input):
-        nodes = Nodes.of_input(task.marionette, task.x0, guess, longest, N)
+        nodes = Nodes.from_input(task.marionette, task.x0, guess, longest, N)
     elif guess is not None:
         duration = min(max(guess.duration, shortest), longest)
-        nodes = Nodes.of_input(task.marionette, task.x0, guess.inputs, duration, N)
+        nodes = Nodes.from_input(task.marionette, task.x0, guess.inputs, duration, N)
     max_acceleration = task.bounds.magnitudes(task.marionette, "acceleration")
     return replace(
         nodes,

@@ -126,7 +126,7 @@ def _bound_residuals(objective: Objective, nodes: Nodes, ends: Ends) -> Iterator
     max_acceleration[-1] = np.minimum(
         max_acceleration[-1], limits.jump
     )  # the acceleration jumps to 0 at the end
-    positions = nodes.numbers[1:, nodes.splits[1] : nodes.splits[2]]
+    positions = nodes.scalars[1:, nodes.splits[1] : nodes.splits[2]]
     for prefix, values, lowest, highest, t in (
         ("the acceleration of ", nodes.acc_K, -max_acceleration, max_acceleration, nodes.t[:-1]),
         ("the speed of ", nodes.v_K[1:], -limits.speed, limits.speed, nodes.t[1:]),

@@ -131,7 +131,7 @@ class ClampedSteps:
         if np.any(np.isfinite(bounds.jump)):
             return self._solve_by_interior_point(objective, nodes, damping)
         n = nodes.n_z - 2 * k
-        numbers = nodes.numbers
+        numbers = nodes.scalars
         scalars = {
             "N": N,
             "n_d": n,

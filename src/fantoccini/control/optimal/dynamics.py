@@ -175,9 +175,9 @@ class TimeSteps:
         )
         dstart_c = np.zeros((nodes.n_z, 1 + len(parameter_columns)))
         if self.free_parameters:
-            dstart_c[:, 1:] = self.free_parameters.start_by(nodes.parameters)
+            dstart_c[:, 1:] = self.free_parameters.start_derivatives(nodes.parameters)
         return LinearEnds(
-            nodes.between(*x),
+            nodes.changes_to(*x),
             tension,
             taut,
             settled,

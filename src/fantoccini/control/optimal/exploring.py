@@ -22,7 +22,7 @@ from fantoccini.base import ARRIVED, N_COEF, Array, Indices, OnProgress, Progres
 from fantoccini.control.optimal.dynamics import Ends
 from fantoccini.control.optimal.objective import Objective
 from fantoccini.control.optimal.sqp import Iterate
-from fantoccini.control.tasks import DrivenConditions, Nodes, hats
+from fantoccini.control.tasks import DrivenConditions, Nodes, hat_functions
 from fantoccini.dynamics.simulation import simulate_batch
 from fantoccini.motion import Inputs
 
@@ -120,7 +120,7 @@ class Exploration:
         self._threads, self._driven = threads, DrivenConditions.of(objective.task)
         n, k, T = initial.table.n_vD, initial.table.n_vK, initial.interval * len(initial)
         self._gap_scale = np.repeat([1.0, SETTINGS.velocity_time_share * T] * 2, [n, n, k, k])
-        self._basis = hats(len(initial), min(SETTINGS.n_knots, len(initial)))
+        self._basis = hat_functions(len(initial), min(SETTINGS.n_knots, len(initial)))
 
     def run(self, progress: OnProgress | None = None) -> Iterate | None:
         """The best motion of all generations; None if no run arrived at its end.
@@ -131,7 +131,7 @@ class Exploration:
         Raises:
             KeyboardInterrupt: Ctrl-C, also during a batch.
         """
-        moves = self._driven.moves
+        moves = self._driven.movable
         max_acceleration = self._driven.scale[moves]
         mean = np.zeros((self._basis.shape[1], len(moves)))
         first_spread = SETTINGS.first_near_spread if self._is_near else SETTINGS.first_spread
@@ -173,10 +173,10 @@ class Exploration:
         """The motions of drawn numbers."""
         driven, initial, h = self._driven, self._initial, self._initial.interval
         acc_K = np.repeat(initial.acc_K[None], len(theta), axis=0)
-        acc_K[:, :, driven.moves] += self._basis @ theta
-        acc_K = driven.within(acc_K, h)
+        acc_K[:, :, driven.movable] += self._basis @ theta
+        acc_K = driven.clipped(acc_K, h)
         for _ in range(SETTINGS.n_projections):
-            acc_K = driven.within(driven.ending(acc_K, h), h)
+            acc_K = driven.clipped(driven.projected_onto_end(acc_K, h), h)
         runs = self._motions(acc_K)
         cost, gap, violation = (np.full(len(theta), np.inf) for _ in range(3))
         for i, motion in enumerate(runs):

@@ -138,7 +138,7 @@ def restart_from_perturbed(
     nodes, driven = motion.nodes, DrivenConditions.of(objective.task)
     noise = np.random.default_rng(0).uniform(-_PERTURBATION, _PERTURBATION, nodes.acc_K.shape)
     noise[:, driven.max_acceleration == 0.0] = 0.0
-    perturbed = driven.within((nodes.acc_K + driven.scale * noise)[None], nodes.interval)[0]
+    perturbed = driven.clipped((nodes.acc_K + driven.scale * noise)[None], nodes.interval)[0]
     limited_runs = EventRuns(runs.steps, runs.free_parameters, until)
     start = iterate(limited_runs, replace(nodes, acc_K=perturbed, run=None), objective)
     if start is None:

@@ -113,7 +113,7 @@ class ForceRows:
     ) -> Array:
         """(n, N, m) forces for n changes z and u of states and accelerations."""
         shape = (len(z), len(nodes))
-        parts = (*nodes.changed_states(z), acc_D, nodes.acc_K + u[:, None], tension)
+        parts = (*nodes.perturbed_states(z), acc_D, nodes.acc_K + u[:, None], tension)
         arguments = [np.broadcast_to(array, (*shape, array.shape[-1])) for array in parts]
         return np.asarray(marionette.effort(*arguments)[..., self._columns])
 

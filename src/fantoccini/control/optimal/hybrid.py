@@ -15,7 +15,7 @@ import numpy as np
 
 from fantoccini.base import Array, SimulationError, StateError, Status
 from fantoccini.control.optimal.dynamics import Ends, LinearEnds
-from fantoccini.control.optimal.shooting import EventRuns, uninterrupted
+from fantoccini.control.optimal.shooting import EventRuns, simulate_uninterrupted
 from fantoccini.control.tasks import Nodes
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.dynamics.simulation import interval_derivatives
@@ -36,7 +36,7 @@ class HybridRuns(EventRuns):
         """
         marionette, inputs = self.free_parameters.marionette(nodes.parameters), nodes.inputs()
         x0 = self.free_parameters.start(nodes.parameters)
-        run = uninterrupted(marionette, x0, inputs, nodes.t[-1])  # with samples at breaks
+        run = simulate_uninterrupted(marionette, x0, inputs, nodes.t[-1])  # with samples at breaks
         if run.status is not Status.DONE:
             raise SimulationError(run.status, f"at t = {run.t[-1]:.6g} s")
         derivatives = interval_derivatives(marionette, run, inputs)
@@ -63,7 +63,7 @@ class HybridRuns(EventRuns):
             dtension_c=np.pad(pull[..., n_s:][..., columns], ((0, 0), (0, 0), (1, 0))),
             dacc_c=np.pad(acc[..., n_s:][..., columns], ((0, 0), (0, 0), (1, 0))),
             dstart_c=np.concatenate(
-                [zeros, self.free_parameters.start_by(nodes.parameters)], axis=1
+                [zeros, self.free_parameters.start_derivatives(nodes.parameters)], axis=1
             ),
         )
 

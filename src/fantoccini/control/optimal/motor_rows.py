@@ -110,7 +110,7 @@ class MotorRows:
         self, marionette: Marionette, nodes: Nodes, node_offset: int, z: Array, u: Array
     ) -> Array:
         """(n, N, m / 2) values for n changes z and u of states and accelerations."""
-        q_D, v_D, q_K, v_K = nodes.changed_states(z, node_offset)
+        q_D, v_D, q_K, v_K = nodes.perturbed_states(z, node_offset)
         force = marionette.library.evaluate(
             "motor_demands",
             q_D=q_D,

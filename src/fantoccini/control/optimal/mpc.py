@@ -361,8 +361,8 @@ def _check_task(task: Task, marionette: Marionette) -> None:
     ]
     if missing:
         raise StateError(
-            f"MPC: the puppet has obstacles that the task lacks: {', '.join(missing)}; make the task "
-            "with this puppet"
+            f"MPC: the puppet has obstacles that the task lacks: {', '.join(missing)}; make the "
+            "task with this puppet"
         )
     if task.is_free:
         raise StateError("MPC: the task's duration is free; needed: a given one")

@@ -16,13 +16,13 @@ from fantoccini.control.tasks import (
     ChosenParameters,
     NodeKinematics,
     Nodes,
-    NumberResidual,
     Residual,
+    ScalarResidual,
     Task,
     Track,
-    path_of,
-    residual_of,
-    share,
+    active_fraction,
+    track_path,
+    track_residual,
 )
 from fantoccini.dynamics.marionette import Marionette
 
@@ -227,7 +227,7 @@ class Objective:
         )
         diagonal = np.arange(k + n_z)
         H[:, diagonal, diagonal] += damping
-        numbers = nodes.numbers[1:]
+        numbers = nodes.scalars[1:]
         low_c, high_c = self._bounds_of_constants(nodes)
         low = np.concatenate([-self._acc - nodes.acc_K, self._low - numbers, low_c], axis=1)
         high = np.concatenate([self._acc - nodes.acc_K, self._high - numbers, high_c], axis=1)
@@ -310,7 +310,7 @@ class Objective:
         diagonal, g = np.zeros((2, N, k + self._n_z))
         for residual in self._residuals(nodes):
             r, w = residual.value(evaluation)[1:], residual.weights[1:, None]
-            if isinstance(residual, NumberResidual):
+            if isinstance(residual, ScalarResidual):
                 columns = k + np.array(residual.columns)
                 diagonal[:, columns] += w
                 g[:, columns] += w * r
@@ -382,7 +382,9 @@ class Objective:
         """Residuals of the tracks; paths are evaluated once for nodes at the same times."""
         times = (nodes.start, nodes.interval, len(nodes))
         if self._cached_residuals[0] != times:
-            residuals = [residual_of(self.task.marionette, track, nodes) for track in self._tracks]
+            residuals = [
+                track_residual(self.task.marionette, track, nodes) for track in self._tracks
+            ]
             self._cached_residuals = times, residuals
         return self._cached_residuals[1]
 
@@ -394,7 +396,7 @@ class Objective:
         evaluation, k, weighted_jacobians = self._evaluation(nodes), self._k, []
         for residual in self._residuals(nodes):
             r, w = residual.value(evaluation), residual.weights[:, None]
-            if isinstance(residual, NumberResidual):
+            if isinstance(residual, ScalarResidual):
                 columns = np.array(residual.columns)
                 H[:, k + columns, k + columns] += w[1:]
                 g[:, k + columns] += (w * r)[1:]
@@ -471,6 +473,6 @@ def _pull(marionette: Marionette, track: Track, nodes: Nodes) -> tuple[int, Arra
     names = [s.name for s in marionette.tree.strings]
     if track.name not in names:
         raise UnknownNameError("string", track.name, names)
-    target = path_of(marionette, track, nodes.t[:-1])[:, 0]
-    fraction = share(track, nodes.t[:-1])
+    target = track_path(marionette, track, nodes.t[:-1])[:, 0]
+    fraction = active_fraction(track, nodes.t[:-1])
     return names.index(track.name), track.weight * nodes.interval * fraction, target

@@ -22,8 +22,8 @@ from fantoccini.control.tasks import (
     Task,
     Touched,
     Track,
-    path_of,
-    residual_of,
+    track_path,
+    track_residual,
 )
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import Input, Trajectory
@@ -151,7 +151,7 @@ class Optimum(Answer):
         for name, track in self._named_tracks():
             if track.kind == "tension":
                 continue
-            r = residual_of(self.task.marionette, track, self.nodes).value(evaluation)
+            r = track_residual(self.task.marionette, track, self.nodes).value(evaluation)
             errors[name] = np.linalg.norm(r, axis=1)
         return errors
 
@@ -166,7 +166,7 @@ class Optimum(Answer):
         for name, track in self._named_tracks():
             if track.kind != "point":
                 continue
-            offset = residual_of(self.task.marionette, track, self.nodes).value(evaluation)
+            offset = track_residual(self.task.marionette, track, self.nodes).value(evaluation)
             path = self.target(track)
             paths[name] = path, path + offset
         return paths
@@ -185,7 +185,7 @@ class Optimum(Answer):
 
     def target(self, track: Track) -> Array:
         """(N + 1, m) path of a track at the nodes."""
-        return path_of(self.task.marionette, track, self.t)
+        return track_path(self.task.marionette, track, self.t)
 
     def plot(self, path: str | Path, **options: Any) -> Path:
         """Draws the puppet with the paths of its points, its errors, tensions and inputs.

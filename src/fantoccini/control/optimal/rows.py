@@ -75,7 +75,7 @@ class Rows:
         """(N, m) values of the rows, and their (m,) bounds."""
         jumps = np.diff(nodes.acc_K, axis=0, prepend=0.0)[:, self._jerk_inputs]
         max_jump = self._jerk[self._jerk_inputs] * nodes.interval
-        numbers = nodes.numbers[1:, self.joint_indices]
+        numbers = nodes.scalars[1:, self.joint_indices]
         force = self._forces.value(nodes, ends)
         parts = [
             ends.tension[:, self._tension_rows],
@@ -157,7 +157,9 @@ def _clearance_rows(task: Task, margin: float) -> ClearanceRows | None:
     marionette, self_collision, conditions = task.marionette, task.bounds.own_body, task.conditions
     allowed_pairs: frozenset[frozenset[str]] = frozenset()
     if conditions.contact != KEEP_OFF:
-        allowed_pairs = Touches(marionette, conditions.contact, self_collision=self_collision).free
+        allowed_pairs = Touches(
+            marionette, conditions.contact, self_collision=self_collision
+        ).allowed_pairs
     rows = ClearanceRows(
         marionette,
         margin,

@@ -59,9 +59,9 @@ class EventRuns:
             return self.steps.linearise(nodes)
         return self.steps.extrapolated(nodes)
 
-    def moved(self, nodes: Nodes, z: Array, u: Array, c: Array) -> tuple[Nodes, Ends] | None:
+    def after_step(self, nodes: Nodes, z: Array, u: Array, c: Array) -> tuple[Nodes, Ends] | None:
         """See :class:`fantoccini.control.optimal.sqp.Shooting`."""
-        nodes_and_run = self.run(nodes.moved(z, u, c))
+        nodes_and_run = self.run(nodes.after_step(z, u, c))
         return None if nodes_and_run is None else (nodes_and_run[0], self.ends(*nodes_and_run))
 
     def run(self, nodes: Nodes) -> tuple[Nodes, Trajectory] | None:

@@ -40,7 +40,7 @@ class Shooting(Protocol):
     def linearise(self, nodes: Nodes, ends: Ends) -> LinearEnds:
         """The same ends with derivatives."""
 
-    def moved(self, nodes: Nodes, z: Array, u: Array, c: Array) -> tuple[Nodes, Ends] | None:
+    def after_step(self, nodes: Nodes, z: Array, u: Array, c: Array) -> tuple[Nodes, Ends] | None:
         """The nodes after a step, and the ends of their intervals; None if there is no motion."""
 
 
@@ -344,10 +344,10 @@ class Search:
 
     def _trial_motions(self, step: _Step) -> Iterator[tuple[float, tuple[Nodes, Ends]]]:
         """Shares of a step and their motions: the full step, its corrections, then halves."""
-        best, moved = self.best, self._shooting.moved
+        best, after_step = self.best, self._shooting.after_step
         for halving in range(SETTINGS.max_halvings):
             alpha = 0.5**halving
-            nodes_and_ends = moved(best.nodes, alpha * step.z, alpha * step.u, alpha * step.c)
+            nodes_and_ends = after_step(best.nodes, alpha * step.z, alpha * step.u, alpha * step.c)
             if nodes_and_ends is not None:
                 yield alpha, nodes_and_ends
             corrections = SETTINGS.max_corrections if halving == 0 else 0
@@ -361,7 +361,7 @@ class Search:
                 solution = self._second_order_correction(step, solution, value)
                 if not solution.solved:
                     break
-                nodes_and_ends = moved(best.nodes, *self.objective.expanded(solution))
+                nodes_and_ends = after_step(best.nodes, *self.objective.expanded(solution))
                 if nodes_and_ends is not None:
                     yield alpha, nodes_and_ends
 

@@ -98,7 +98,7 @@ class Moments:
     r: Array
     v: Array
     acc: Array
-    derivatives: Array
+    r_derivatives: Array
     v_derivatives: Array
 
     def terms_of(self, weight: float, force: Array) -> list[TouchTerm]:

@@ -223,7 +223,7 @@ class TrustRegionSearch:
                 solution = self._solver.solve(self._program(step.linear, gap), self._relaxed.unit)
             if not solution.solved:
                 break
-            nodes_and_ends = self._runs.moved(best.nodes, *objective.expanded(solution))
+            nodes_and_ends = self._runs.after_step(best.nodes, *objective.expanded(solution))
             if nodes_and_ends is None:
                 break
             cost = objective.cost(*nodes_and_ends)
