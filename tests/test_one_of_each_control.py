@@ -17,7 +17,7 @@ pytestmark = pytest.mark.medium
 
 PACKAGE = Path(__file__).resolve().parents[1] / "src" / "fantoccini"
 SOLVERS = {"solve", "cho_factor", "cholesky"}
-ANSWERS = (fan.control.PlanResult, fan.control.Optimum, fan.control.ReachedPose, fan.control.Tuned)
+ANSWERS = (fan.control.PlanResult, fan.control.Optimum, fan.control.ReachedPose, fan.control.TuningResult)
 
 
 def functions(folder: Path = PACKAGE) -> dict[str, ast.FunctionDef]:

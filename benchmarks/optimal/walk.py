@@ -154,7 +154,7 @@ def cost(stage: fan.Marionette, run: fan.Trajectory, gait: MarionetteGait, steps
 
 def searched(
     stage: fan.Marionette, first: MarionetteGait, share: float, seconds: float, seed: int
-) -> fan.control.Tuned:
+) -> fan.control.TuningResult:
     """Parameters of a walk of 20 steps, drawn around the first by this share of ``SPREADS``."""
     steps, x0, start = 20, stage.rest(), asdict(first)
 

@@ -102,7 +102,7 @@ def test_the_users_random_numbers_stay(trolley):
 
 
 def test_the_same_seed_gives_the_same(trolley):
-    def found(seed: int) -> fan.control.Tuned:
+    def found(seed: int) -> fan.control.TuningResult:
         return fan.tune(
             trolley,
             lambda v: two_moves(trolley, max(v["delay"], 0.11)),
@@ -154,7 +154,7 @@ def test_two_numbers(trolley):
 
 
 def test_invalid_arguments_of_tune_are_refused(trolley):
-    def tune(numbers=None, cost=swing, **options) -> fan.control.Tuned:
+    def tune(numbers=None, cost=swing, **options) -> fan.control.TuningResult:
         return fan.tune(
             trolley,
             lambda v: two_moves(trolley, 0.5),

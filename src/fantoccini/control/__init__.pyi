@@ -8,7 +8,7 @@ from .optimal import (
     Optimum as Optimum,
     ReachedPose as ReachedPose,
     ReachedPoses as ReachedPoses,
-    Tuned as Tuned,
+    TuningResult as TuningResult,
     follow as follow,
     optimise as optimise,
     reach as reach,

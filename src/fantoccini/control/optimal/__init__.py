@@ -7,7 +7,7 @@ from fantoccini.control.optimal.outlook import reach_notes
 from fantoccini.control.optimal.reached import ReachedPose, ReachedPoses
 from fantoccini.control.optimal.reaching import TargetKey, reach
 from fantoccini.control.optimal.result import Optimum
-from fantoccini.control.optimal.tuning import Draws, Tuned, tune
+from fantoccini.control.optimal.tuning import Draws, TuningResult, tune
 
 __all__ = [
     "MPC",
@@ -19,7 +19,7 @@ __all__ = [
     "ReachedPose",
     "ReachedPoses",
     "TargetKey",
-    "Tuned",
+    "TuningResult",
     "check_task",
     "follow",
     "improve",

@@ -49,7 +49,7 @@ Cost = Callable[[Trajectory], float]
 
 
 @dataclass(frozen=True, eq=False)
-class Tuned(Answer):
+class TuningResult(Answer):
     """The best motion of a family, with a run that is ``DONE``. True if all spreads are narrow.
 
     Attributes:
@@ -77,7 +77,7 @@ class Tuned(Answer):
 
     def __repr__(self) -> str:
         numbers = ", ".join(f"{name} {value:.4g}" for name, value in self.values.items())
-        return f"<Tuned {self.status.name}: cost {self.cost:.6g} at {numbers}>"
+        return f"<TuningResult {self.status.name}: cost {self.cost:.6g} at {numbers}>"
 
 
 @dataclass(frozen=True)
@@ -124,7 +124,7 @@ def tune(
     draws: Draws | None = None,
     threads: int | None = None,
     progress: OnProgress | None = None,
-) -> Tuned:
+) -> TuningResult:
     """The numbers of a family of motions with the least cost of the run, by random draws.
 
     Args:
@@ -200,7 +200,7 @@ def tune(
             "and with smaller spreads"
         )
     values, inputs, run = evaluator.best
-    return Tuned(
+    return TuningResult(
         values,
         dict(zip(names, map(float, spread), strict=True)),
         evaluator.least_cost,

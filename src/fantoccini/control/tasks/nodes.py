@@ -128,7 +128,7 @@ class Nodes:
     def changes_to(
         self, q_D: Array, v_D: Array, q_K: Array, v_K: Array, first_node: int = 1
     ) -> Array:
-        """(N + 1 - first_node, n_z) changes from the nodes, from `first_node` on, to these states."""
+        """(N + 1 - first_node, n_z) changes from the nodes from `first_node` on to these states."""
         table, n, k = self.table, self.table.n_vD, self.table.n_vK
         dq_D = tangent.between(table.scalars_D, table.quaternions_D, self.q_D[first_node:], q_D, n)
         dq_K = tangent.between(table.scalars_K, table.quaternions_K, self.q_K[first_node:], q_K, k)
