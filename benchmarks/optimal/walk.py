@@ -19,7 +19,7 @@ import numpy as np
 
 import fantoccini as fan
 from fantoccini.base import Progress
-from fantoccini.control import Draws
+from fantoccini.control import DrawOptions
 from fantoccini.dynamics.mujoco import mujoco_run
 
 from ..contact.mujoco_scene import text_of
@@ -171,7 +171,7 @@ def searched(
         first.duration * (steps + 1),
         method=fan.TimeStepping(dt=0.00025),
         save_every=20,
-        draws=Draws(runs=60, generations=1000, time_limit=seconds, seed=seed),
+        draws=DrawOptions(runs=60, generations=1000, time_limit=seconds, seed=seed),
         progress=print_progress,
     )
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.control import AnswerStatus, Draws
+from fantoccini.control import AnswerStatus, DrawOptions
 
 pytestmark = [pytest.mark.medium, pytest.mark.own_puppets]
 
@@ -49,7 +49,7 @@ def test_the_second_move_is_half_a_period_later(trolley, method):
         {"delay": (0.4, 0.2)},
         swing,
         method=method,
-        draws=Draws(runs=20, generations=30, narrow=0.0001),
+        draws=DrawOptions(runs=20, generations=30, narrow=0.0001),
     )
     assert tuned.status is AnswerStatus.NARROW
     assert tuned.values["delay"] == pytest.approx(half, abs=2e-3)
@@ -81,7 +81,7 @@ def test_the_cost_sees_the_whole_run(trolley, method):
         largest,
         x0,
         method=method,
-        draws=Draws(runs=8, generations=3),
+        draws=DrawOptions(runs=8, generations=3),
     )
     assert all(len(t) == 201 and t[0] == 1.0 and t[-1] == 3.0 for t in calls)
     assert tuned.cost == largest(tuned.run) > 0.0
@@ -96,7 +96,7 @@ def test_the_users_random_numbers_stay(trolley):
         lambda v: two_moves(trolley, 0.5),
         {"a": (0.0, 1.0)},
         swing,
-        draws=Draws(runs=4, generations=1),
+        draws=DrawOptions(runs=4, generations=1),
     )
     assert np.array_equal(np.random.random(3), expected)
 
@@ -108,7 +108,7 @@ def test_the_same_seed_gives_the_same(trolley):
             lambda v: two_moves(trolley, max(v["delay"], 0.11)),
             {"delay": (0.4, 0.1)},
             swing,
-            draws=Draws(runs=10, generations=3, seed=seed),
+            draws=DrawOptions(runs=10, generations=3, seed=seed),
         )
 
     assert found(1).values == found(1).values
@@ -131,7 +131,7 @@ def test_failing_motions_are_skipped(trolley):
         family,
         {"delay": (0.7, 0.3)},
         lambda run: np.inf if run.q_K[-1, 0] > 0.9 else swing(run),
-        draws=Draws(runs=20, generations=15),
+        draws=DrawOptions(runs=20, generations=15),
     )
     assert tuned.values["delay"] == pytest.approx(np.pi * np.sqrt(LENGTH / 9.81), abs=0.02)
     assert np.isfinite(tuned.cost)
@@ -147,7 +147,7 @@ def test_two_numbers(trolley):
 
     numbers = {"part": (0.3, 0.2), "delay": (0.5, 0.2)}
     tuned = fan.tune(
-        trolley, family, numbers, swing, draws=Draws(runs=16, generations=40, narrow=0.001)
+        trolley, family, numbers, swing, draws=DrawOptions(runs=16, generations=40, narrow=0.001)
     )
     assert tuned.values["part"] == pytest.approx(0.5, abs=0.01)
     assert tuned.values["delay"] == pytest.approx(np.pi * np.sqrt(LENGTH / 9.81), abs=0.01)
@@ -160,7 +160,7 @@ def test_invalid_arguments_of_tune_are_refused(trolley):
             lambda v: two_moves(trolley, 0.5),
             {"a": (0.0, 1.0)} if numbers is None else numbers,
             cost,
-            draws=Draws(runs=4, generations=2),
+            draws=DrawOptions(runs=4, generations=2),
             **options,
         )
 
@@ -177,7 +177,7 @@ def test_invalid_arguments_of_tune_are_refused(trolley):
                 lambda v: two_moves(trolley, 0.5),
                 {"a": (0.0, 1.0)},
                 swing,
-                draws=Draws(**{"runs": 3, "generations": 1, **counts}),
+                draws=DrawOptions(**{"runs": 3, "generations": 1, **counts}),
             )
 
     def longer(v: dict[str, float]) -> fan.Input:
@@ -186,7 +186,12 @@ def test_invalid_arguments_of_tune_are_refused(trolley):
     with pytest.raises(ValueError, match="end at"):
         fan.tune(trolley, longer, {"a": (0.5, 0.1)}, swing)
     ends = fan.tune(
-        trolley, longer, {"a": (0.5, 0.1)}, swing, t_end=2.0, draws=Draws(runs=4, generations=1)
+        trolley,
+        longer,
+        {"a": (0.5, 0.1)},
+        swing,
+        t_end=2.0,
+        draws=DrawOptions(runs=4, generations=1),
     )
     assert ends.run.t[-1] == 2.0
     with pytest.raises(fan.errors.StateError, match=r"none of the first 8 runs.*ended with DONE"):
@@ -202,7 +207,7 @@ def test_an_interrupted_search_keeps_the_best(trolley):
         lambda v: two_moves(trolley, 0.5),
         {"a": (0.0, 1.0)},
         swing,
-        draws=Draws(runs=4),
+        draws=DrawOptions(runs=4),
         progress=progress,
     )
     assert tuned.status is AnswerStatus.STOPPED
@@ -215,6 +220,6 @@ def test_time_is_limited(trolley):
         lambda v: two_moves(trolley, max(v["delay"], 0.2)),
         {"delay": (0.4, 0.1)},
         swing,
-        draws=Draws(runs=4, time_limit=1e-06),
+        draws=DrawOptions(runs=4, time_limit=1e-06),
     )
     assert tuned.status is AnswerStatus.TIMEOUT and len(tuned.curve) == 1

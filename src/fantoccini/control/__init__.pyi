@@ -3,7 +3,7 @@
 from . import optimal as optimal, planning as planning, problems as problems, tasks as tasks
 from .optimal import (
     MPC as MPC,
-    Draws as Draws,
+    DrawOptions as DrawOptions,
     MPCStatus as MPCStatus,
     Optimum as Optimum,
     ReachedPose as ReachedPose,

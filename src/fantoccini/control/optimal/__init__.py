@@ -7,11 +7,11 @@ from fantoccini.control.optimal.outlook import reach_notes
 from fantoccini.control.optimal.reached import ReachedPose, ReachedPoses
 from fantoccini.control.optimal.reaching import TargetKey, reach
 from fantoccini.control.optimal.result import Optimum
-from fantoccini.control.optimal.tuning import Draws, TuningResult, tune
+from fantoccini.control.optimal.tuning import DrawOptions, TuningResult, tune
 
 __all__ = [
     "MPC",
-    "Draws",
+    "DrawOptions",
     "Improvable",
     "Limits",
     "MPCStatus",

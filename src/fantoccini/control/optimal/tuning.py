@@ -81,7 +81,7 @@ class TuningResult(Answer):
 
 
 @dataclass(frozen=True)
-class Draws:
+class DrawOptions:
     """Options of the random draws.
 
     Attributes:
@@ -121,7 +121,7 @@ def tune(
     method: Method | MethodName = "event",
     save_at: Times | None = None,
     save_every: int | None = None,
-    draws: Draws | None = None,
+    draws: DrawOptions | None = None,
     threads: int | None = None,
     progress: OnProgress | None = None,
 ) -> TuningResult:
@@ -149,7 +149,7 @@ def tune(
             inputs that end at different times.
         StateError: no run of the first three generations had a finite cost.
     """
-    draws = draws or Draws()
+    draws = draws or DrawOptions()
     start_time, names = time.perf_counter(), list(numbers)
     mean, spreads = _first_distribution(numbers)
     x0 = marionette.rest() if x0 is None else x0
