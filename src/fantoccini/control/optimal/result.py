@@ -188,7 +188,7 @@ class Optimum(Answer):
         return track_path(self.task.marionette, track, self.t)
 
     def plot(self, path: str | Path, **options: Any) -> Path:
-        """DrawOptions the puppet with the paths of its points, its errors, tensions and inputs.
+        """Draws the puppet with the paths of its points, its errors, tensions and inputs.
 
         Args:
             path: path of the picture; ends in ``.png``, ``.svg`` or ``.pdf``.

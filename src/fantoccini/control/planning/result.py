@@ -296,7 +296,7 @@ class PlanResult(Answer):
         return self.problem.touches.meetings(self.trajectory)
 
     def plot(self, path: str | Path, **options: Any) -> Path:
-        """DrawOptions the paper's Fig. 4: the tree's nodes, the path of a point (:meth:`traces`), poses.
+        """Draws the paper's Fig. 4: the tree's nodes, the path of a point (:meth:`traces`), poses.
 
         Args:
             path: path of the picture; ends in ``.png``, ``.svg`` or ``.pdf``.
