@@ -90,7 +90,7 @@ def test_the_time_of_a_touch_is_the_best_one(pen: fan.Marionette):
         options={"xatol": 1e-10},
     )
     assert best.status is fan.control.AnswerStatus.SOLVED
-    (touch,) = best.touched
+    (touch,) = best.closest_approaches
     assert touch.t == pytest.approx(other.x, abs=1e-7)
     assert best.cost == pytest.approx(other.fun, rel=1e-10)
     assert touch.distance < 1e-9
@@ -106,7 +106,7 @@ def test_the_time_stays_in_its_window(pen: fan.Marionette, between: tuple, t: fl
         cost_tolerance=0.0,
     )
     assert best.holds, best.summary()
-    assert best.touched[0].t == pytest.approx(t, abs=1e-9)
+    assert best.closest_approaches[0].t == pytest.approx(t, abs=1e-9)
     assert best.cost == pytest.approx(least_cost([t], [[0.3, 0.2]]), rel=1e-6)
 
 
@@ -115,7 +115,7 @@ def test_successive_touches_keep_their_order(pen: fan.Marionette):
     touches = [fan.control.Touch("pen", (x, 0.0, z)) for x, z in places]
     free = fan.optimise(drawing(pen, touches[::-1]), cost_tolerance=0.0)
     assert free.holds, free.summary()
-    assert free.touched[0].t < free.touched[1].t
+    assert free.closest_approaches[0].t < free.closest_approaches[1].t
     turned = drawing(pen, [touches[0], replace(touches[1], in_turn=True)])
     best = fan.optimise(turned, cost_tolerance=0.0, iterations=200)
     other = minimize(
@@ -126,7 +126,9 @@ def test_successive_touches_keep_their_order(pen: fan.Marionette):
         options={"ftol": 1e-15, "gtol": 1e-8},
     )
     assert best.holds, best.summary()
-    assert [touch.t for touch in best.touched] == pytest.approx(np.cumsum(other.x), abs=1e-3)
+    assert [touch.t for touch in best.closest_approaches] == pytest.approx(
+        np.cumsum(other.x), abs=1e-3
+    )
     assert best.cost == pytest.approx(other.fun, rel=1e-7)
     assert best.cost > free.cost
 
@@ -146,7 +148,7 @@ def test_the_duration_may_be_free_as_well(pen: fan.Marionette):
     assert best.holds, best.summary()
     assert best.cost == pytest.approx(other.fun, rel=1e-6)
     assert best.run.t[-1] == pytest.approx(other.x[1], rel=1e-3)
-    assert best.touched[0].t == pytest.approx(other.x[0] * other.x[1], rel=1e-3)
+    assert best.closest_approaches[0].t == pytest.approx(other.x[0] * other.x[1], rel=1e-3)
 
 
 def test_an_arm_passes_a_place_at_the_best_time(arm: fan.Marionette):
@@ -187,7 +189,7 @@ def test_an_arm_passes_a_place_at_the_best_time(arm: fan.Marionette):
         pose = arm.pose(run_of(unknown).at(unknown[-1]), "lower")
         return (pose[:3, 3] + pose[:3, :3] @ np.array(TIP) - place)[[0, 2]]
 
-    first = np.append(np.ravel(best.nodes.acc_K) * 0.9, best.touched[0].t + 0.03)
+    first = np.append(np.ravel(best.nodes.acc_K) * 0.9, best.closest_approaches[0].t + 0.03)
     other = minimize(
         cost,
         first,
@@ -197,8 +199,8 @@ def test_an_arm_passes_a_place_at_the_best_time(arm: fan.Marionette):
         options={"ftol": 1e-12, "maxiter": 200},
     )
     assert best.cost == pytest.approx(other.fun, rel=1e-4)
-    assert best.touched[0].t == pytest.approx(other.x[-1], abs=2e-3)
-    assert best.touched[0].distance < 1e-6
+    assert best.closest_approaches[0].t == pytest.approx(other.x[-1], abs=2e-3)
+    assert best.closest_approaches[0].distance < 1e-6
 
 
 def test_parameters_are_chosen_along_with_touches():
@@ -264,7 +266,7 @@ def test_a_place_that_is_missed_is_violated(arm: fan.Marionette):
     )
     best = fan.optimise(task, iterations=10)
     assert not best and best.status is fan.control.AnswerStatus.VIOLATED
-    assert best.touched[0].distance > 1.0
+    assert best.closest_approaches[0].distance > 1.0
     assert "does not reach its end or a place" in best.summary()
 
 
@@ -307,7 +309,9 @@ pose: {hand.x: 0.1, hand.z: -0.31}
 def test_equally_near_moments_are_spread(pen: fan.Marionette):
     touches = [fan.control.Touch("pen", (0.3, 0.0, 0.2), in_turn=k > 0) for k in range(3)]
     best = fan.optimise(drawing(pen, touches), iterations=0)
-    assert [touch.t for touch in best.touched] == pytest.approx([0.25, 0.5, 0.75], abs=0.01)
+    assert [touch.t for touch in best.closest_approaches] == pytest.approx(
+        [0.25, 0.5, 0.75], abs=0.01
+    )
 
 
 @pytest.mark.parametrize(
@@ -387,7 +391,7 @@ def test_mistakes_in_a_file_have_places(tmp_path, change, line: int, key: str, w
 
 def test_the_picture_shows_the_places(tmp_path, pen: fan.Marionette):
     best = fan.optimise(drawing(pen, [fan.control.Touch("pen", (0.3, 0.0, 0.2))]), iterations=5)
-    without = replace(best, touched=())
+    without = replace(best, closest_approaches=())
     shown = best.plot(tmp_path / "with.png").read_bytes()
     assert shown != without.plot(tmp_path / "without.png").read_bytes()
 

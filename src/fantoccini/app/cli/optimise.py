@@ -140,7 +140,7 @@ def _print_optimum(optimum: Optimum) -> None:
                 f"{contact.t:.4f}",
                 f"{contact.distance:.2g}",
             )
-            for contact in optimum.touched
+            for contact in optimum.closest_approaches
         ],
     )
     print_table(

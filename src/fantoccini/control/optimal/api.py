@@ -187,14 +187,14 @@ def optimise(
     if exact and isinstance(runs, ExactRuns) and runs.reasons:
         text = f"the last derivatives were those of time steps: {runs.reasons[-1]}"
         warnings.warn(text, stacklevel=2)
-    touched = objective.touches.closest_approaches(run, motion.nodes.parameters)
+    approaches = objective.touches.closest_approaches(run, motion.nodes.parameters)
     bound_error = max(
         largest_bound_violation(objective, motion.nodes, motion.ends),
         _clearance_violation(objective, runs, motion.nodes),
         key=lambda track: track.rank,
     )
     end_error = end_residual(objective, motion.nodes)
-    largest = max(bound_error, end_error, touch_residual(touched), key=lambda track: track.rank)
+    largest = max(bound_error, end_error, touch_residual(approaches), key=lambda track: track.rank)
     reason = ""
     if has_contact and isinstance(runs, StepRuns):
         status = AnswerStatus.NO_RUN
@@ -219,7 +219,7 @@ def optimise(
         motion.stationarity,
         bound_error.size,
         end_error.size,
-        touched,
+        approaches,
         motion.iterations,
         time.perf_counter() - start_time,
         tuple(convergence),

@@ -15,7 +15,7 @@ from fantoccini.control.optimal.dynamics import Ends, LinearEnds
 from fantoccini.control.optimal.iterations import Limits
 from fantoccini.control.optimal.objective import Objective
 from fantoccini.control.optimal.sqp import Iterate
-from fantoccini.control.tasks import AnswerStatus, Nodes, Touched, entry_names
+from fantoccini.control.tasks import AnswerStatus, ClosestApproach, Nodes, entry_names
 from fantoccini.motion import Trajectory
 
 _MAX_ROUNDING_EFFECT = 1e-9
@@ -74,10 +74,13 @@ def clearance_residual(clearances: ClearanceRows, run: Trajectory) -> Residual:
     return _residual(size, name, closest.t, closest.distance, clearances.margin, np.inf)
 
 
-def touch_residual(touched: tuple[Touched, ...]) -> Residual:
+def touch_residual(approaches: tuple[ClosestApproach, ...]) -> Residual:
     """The largest distance by which a touch misses its place."""
-    residuals = (Residual(touch.distance, f"{touch}, instead of touching it") for touch in touched)
-    return max(residuals, key=lambda touch: touch.rank, default=NO_RESIDUAL)
+    residuals = (
+        Residual(approach.distance, f"{approach}, instead of touching it")
+        for approach in approaches
+    )
+    return max(residuals, key=lambda approach: approach.rank, default=NO_RESIDUAL)
 
 
 def no_input_note(nodes: Nodes, linear: LinearEnds, gap: Array) -> str:

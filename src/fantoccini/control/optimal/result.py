@@ -17,10 +17,10 @@ from fantoccini.control.tasks import (
     Answer,
     AnswerStatus,
     Bounds,
+    ClosestApproach,
     NodeKinematics,
     Nodes,
     Task,
-    Touched,
     Track,
     track_path,
     track_residual,
@@ -51,7 +51,8 @@ class Optimum(Answer):
             relative to the gradient, and of the decrease predicted by the slope, relative to J.
         violation: largest violation of bounds in the run [N, m, rad or their rates].
         end_gap: largest error at the end [m, rad or their rates].
-        touched: distances and times of the run's closest approaches to the places of touches.
+        closest_approaches: distances and times of the run's closest approaches to the places of
+            touches.
         iterations: number of iterations.
         seconds: time that they took [s].
         curve: (seconds, cost) after every iteration.
@@ -67,7 +68,7 @@ class Optimum(Answer):
     stationarity: float
     violation: float
     end_gap: float
-    touched: tuple[Touched, ...]
+    closest_approaches: tuple[ClosestApproach, ...]
     iterations: int
     seconds: float
     curve: tuple[tuple[float, float], ...]
@@ -236,7 +237,7 @@ class Optimum(Answer):
             lines.append(f"{name} = {value:.6g}")
         for name, e in self.rms().items():
             lines.append(f"{name}: {e:.3g} from its path (root mean square)")
-        lines += [str(touched) for touched in self.touched]
+        lines += [str(approach) for approach in self.closest_approaches]
         if self.task.required_end is not None:
             lines.append(f"ends within {self.end_gap:.2g} of the required state")
         if self.violation:

@@ -34,7 +34,7 @@ import numpy as np
 from fantoccini.base import Array, Indices, Times, rotation, tangent
 from fantoccini.control.optimal.dynamics import LinearEnds
 from fantoccini.control.optimal.moments import OffsetFunction, Window, nearest_times
-from fantoccini.control.tasks import ChosenParameters, Nodes, Task, Touched
+from fantoccini.control.tasks import ChosenParameters, ClosestApproach, Nodes, Task
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import Trajectory
 
@@ -226,7 +226,7 @@ class TouchTerms:
             matrix += J_z.T @ curvature @ J_z
             vector += J_z.T @ slope
 
-    def closest_approaches(self, run: Trajectory, parameters: Array) -> tuple[Touched, ...]:
+    def closest_approaches(self, run: Trajectory, parameters: Array) -> tuple[ClosestApproach, ...]:
         """Times and distances at which a run comes closest to the places."""
         if not len(self):
             return ()
@@ -234,7 +234,7 @@ class TouchTerms:
         step = (run.t[-1] - run.t[0]) / (_SAMPLES_PER_INTERVAL * len(run))
         times = nearest_times(offsets, self._windows(run.t[0], run.t[-1]), step)
         distances = [float(np.linalg.norm(offsets(k, times[k : k + 1]))) for k in range(len(self))]
-        return tuple(map(Touched, self._touches, times.tolist(), distances))
+        return tuple(map(ClosestApproach, self._touches, times.tolist(), distances))
 
     def _offsets_in_run(self, run: Trajectory, parameters: Array) -> OffsetFunction:
         """The offsets of touches along a run, as a function of time."""

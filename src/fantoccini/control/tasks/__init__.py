@@ -33,7 +33,7 @@ from fantoccini.control.tasks.schema import TaskFile
 from fantoccini.control.tasks.state_arrays import StateArrays, flattened
 from fantoccini.control.tasks.targets import Target
 from fantoccini.control.tasks.task import GuessLike, Task
-from fantoccini.control.tasks.touch import Touch, Touched
+from fantoccini.control.tasks.touch import ClosestApproach, Touch
 from fantoccini.control.tasks.touches import KEEP_OFF, ContactLike, Meeting, Touches, carried_share
 
 __all__ = [
@@ -45,6 +45,7 @@ __all__ = [
     "Bounds",
     "ChosenParameters",
     "Clip",
+    "ClosestApproach",
     "ContactLike",
     "ControlFile",
     "DrivenBounds",
@@ -69,7 +70,6 @@ __all__ = [
     "Task",
     "TaskFile",
     "Touch",
-    "Touched",
     "Touches",
     "Track",
     "active_fraction",
