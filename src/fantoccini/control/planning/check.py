@@ -8,7 +8,7 @@ import numpy as np
 
 from fantoccini.base import Array, Indices, Status, check_positive
 from fantoccini.control.planning.plan_path import PlanPath
-from fantoccini.control.tasks import Meeting, StateArrays, carried_share
+from fantoccini.control.tasks import StateArrays, TouchEvent, carried_share
 from fantoccini.dynamics.compiled import Event, Method, MethodName, TimeStepping, as_method
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import Trajectory
@@ -53,14 +53,14 @@ class Check:
     clearance: float
     deviation: float
     run: Trajectory
-    touches: tuple[Meeting, ...] = ()
+    touches: tuple[TouchEvent, ...] = ()
     share: float = 0.0
     fault: str = ""
 
     @property
-    def forbidden(self) -> tuple[Meeting, ...]:
+    def forbidden(self) -> tuple[TouchEvent, ...]:
         """Touches that the plan does not allow."""
-        return tuple(meeting for meeting in self.touches if not meeting.allowed)
+        return tuple(touch for touch in self.touches if not touch.allowed)
 
 
 def check_plan(
@@ -92,9 +92,9 @@ def check_plan(
     deviation = float(np.max(np.abs(run.q_D[node_indices] - plan.states.q_D)))
     marionette, goal = plan.problem.marionette, plan.goal
     is_complete = run.status is Status.DONE and run.t[-1] >= plan.end - _TOLERANCES.time_rounding
-    touches = plan.problem.touches.meetings(run)
+    touches = plan.problem.touches.touch_events(run)
     share = carried_share(marionette, run)
-    faults = [str(meeting) for meeting in touches if not meeting.allowed]
+    faults = [str(touch) for touch in touches if not touch.allowed]
     if not is_complete:
         faults.append(run.status.message)
     faults += jam_messages(marionette, run)

@@ -20,7 +20,7 @@ from fantoccini.control.planning.polish import Polish
 from fantoccini.control.planning.search import Search
 from fantoccini.control.planning.search_tree import SearchTree
 from fantoccini.control.problems import Problem, Rollouts
-from fantoccini.control.tasks import Answer, AnswerStatus, Goal, Meeting, StateArrays
+from fantoccini.control.tasks import Answer, AnswerStatus, Goal, StateArrays, TouchEvent
 from fantoccini.dynamics.compiled import Method, MethodName
 from fantoccini.kernel.runtime import POINT
 from fantoccini.motion import Input, State, Trajectory
@@ -291,9 +291,9 @@ class PlanResult(Answer):
         return self.rollouts.clearance.least(self.trajectory).distance
 
     @property
-    def touches(self) -> tuple[Meeting, ...]:
+    def touches(self) -> tuple[TouchEvent, ...]:
         """Touches of bodies with other parts in ``trajectory``, in order."""
-        return self.problem.touches.meetings(self.trajectory)
+        return self.problem.touches.touch_events(self.trajectory)
 
     def plot(self, path: str | Path, **options: Any) -> Path:
         """Draws the paper's Fig. 4: the tree's nodes, the path of a point (:meth:`traces`), poses.

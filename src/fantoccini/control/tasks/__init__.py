@@ -34,7 +34,13 @@ from fantoccini.control.tasks.state_arrays import StateArrays, flattened
 from fantoccini.control.tasks.targets import Target
 from fantoccini.control.tasks.task import GuessLike, Task
 from fantoccini.control.tasks.touch import ClosestApproach, Touch
-from fantoccini.control.tasks.touches import KEEP_OFF, ContactLike, Meeting, Touches, carried_share
+from fantoccini.control.tasks.touches import (
+    KEEP_OFF,
+    ContactLike,
+    Touches,
+    TouchEvent,
+    carried_share,
+)
 
 __all__ = [
     "KEEP_OFF",
@@ -55,7 +61,6 @@ __all__ = [
     "GuessLike",
     "Interval",
     "Magnitudes",
-    "Meeting",
     "NodeKinematics",
     "Nodes",
     "Objective",
@@ -70,6 +75,7 @@ __all__ = [
     "Task",
     "TaskFile",
     "Touch",
+    "TouchEvent",
     "Touches",
     "Track",
     "active_fraction",

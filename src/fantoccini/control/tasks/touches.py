@@ -32,7 +32,7 @@ _MAX_GAP = 100.0
 
 
 @dataclass(frozen=True)
-class Meeting:
+class TouchEvent:
     """A touch of two parts in a run.
 
     Attributes:
@@ -168,21 +168,21 @@ class Touches:
             touch_gaps[..., k] = np.minimum(np.min(gaps[..., touch == k], axis=-1), _MAX_GAP)
         return touch_gaps
 
-    def meetings(self, run: Trajectory) -> tuple[Meeting, ...]:
+    def touch_events(self, run: Trajectory) -> tuple[TouchEvent, ...]:
         """The pairs of parts that began to touch in a run or push at its end, in order of time.
 
         Pairs within one puppet, and pairs without a puppet, are left out.
         """
         events: dict[frozenset[str], EventRecord | None] = {}
-        for event_record in run.events:
-            if event_record.kind == "touch":
-                events.setdefault(frozenset(event_record.name.split("|")), event_record)
+        for record in run.events:
+            if record.kind == "touch":
+                events.setdefault(frozenset(record.name.split("|")), record)
         if run.contact is None:
             return ()
         last_contacts = run.contact.at(len(run) - 1)
         for k in set(last_contacts.pair.tolist()):
             events.setdefault(frozenset(last_contacts.names[k]), None)
-        meetings = []
+        touch_events = []
         for names, event in events.items():
             first, second = (*names, *names)[:2]
             if not self._is_foreign(first, second):
@@ -191,8 +191,8 @@ class Touches:
             t = float(run.t[0]) if event is None else event.t
             speed = 0.0 if event is None else event.speed or self._speed(run, names, event.t)
             parts = (first, second) if first in self._bodies else (second, first)
-            meetings.append(Meeting(parts, t, speed, names in self.allowed_pairs, force))
-        return tuple(sorted(meetings, key=lambda event_record: event_record.t))
+            touch_events.append(TouchEvent(parts, t, speed, names in self.allowed_pairs, force))
+        return tuple(sorted(touch_events, key=lambda touch: touch.t))
 
     def _speed(self, run: Trajectory, names: frozenset[str], t: float) -> float:
         """The closing speed of two parts by time-stepping, from their gaps in the steps before.
