@@ -13,7 +13,7 @@ from fantoccini.control.planning.plan_path import PlanPath
 from fantoccini.control.planning.polish import PolishStatus
 from fantoccini.control.problems import Problem
 from fantoccini.control.problems.rollouts import Rollouts
-from fantoccini.control.tasks import Touches
+from fantoccini.control.tasks import TouchRules
 from fantoccini.dynamics.clearance import Clearance
 
 pytestmark = [pytest.mark.slow, pytest.mark.own_puppets]
@@ -192,7 +192,7 @@ def test_a_puppet_without_contact_touches_nothing():
     with pytest.raises(StateError, match="says nothing of contact"):
         Problem(bare, bare.rest(START), fan.control.Goal.touch(bare, [("hand", "table")]))
     with pytest.raises(StateError, match="never touch"):
-        Touches(ARM, {"touch": [("table", "table")]})
+        TouchRules(ARM, {"touch": [("table", "table")]})
     with pytest.raises(StateError, match="a function cannot ask for touches"):
         goal = fan.control.Goal.of(ARM, lambda x: x.q_D[..., 0]).touching([("hand", "table")])
         Problem(ARM, START, goal)

@@ -12,7 +12,14 @@ from fantoccini.control.optimal.clear_rows import ClearanceRows
 from fantoccini.control.optimal.dynamics import Ends, LinearEnds
 from fantoccini.control.optimal.force_rows import ForceRows
 from fantoccini.control.optimal.motor_rows import MotorRows
-from fantoccini.control.tasks import KEEP_OFF, ChosenParameters, Nodes, Task, Touches, entry_names
+from fantoccini.control.tasks import (
+    KEEP_OFF,
+    ChosenParameters,
+    Nodes,
+    Task,
+    TouchRules,
+    entry_names,
+)
 
 _BOUND_TOLERANCE = 1e-3
 """Distance of a tension, force or voltage at its bound, relative to the largest such value."""
@@ -157,7 +164,7 @@ def _clearance_rows(task: Task, margin: float) -> ClearanceRows | None:
     marionette, self_collision, conditions = task.marionette, task.bounds.own_body, task.conditions
     allowed_pairs: frozenset[frozenset[str]] = frozenset()
     if conditions.contact != KEEP_OFF:
-        allowed_pairs = Touches(
+        allowed_pairs = TouchRules(
             marionette, conditions.contact, self_collision=self_collision
         ).allowed_pairs
     rows = ClearanceRows(

@@ -12,7 +12,7 @@ from fantoccini.control.problems.lqr_laws import lqr_laws, servo
 from fantoccini.control.problems.pushing import Push
 from fantoccini.control.problems.rollouts import Rollouts
 from fantoccini.control.problems.standing import stance
-from fantoccini.control.tasks import Goal, StateArrays, Touches
+from fantoccini.control.tasks import Goal, StateArrays, TouchRules
 from fantoccini.kernel.runtime import LqrLaw
 from fantoccini.motion import State
 
@@ -48,7 +48,7 @@ class Guidance:
 
 
 def guidance(
-    goal: Goal, start: State, rollouts: Rollouts, touches: Touches, push: Push | None
+    goal: Goal, start: State, rollouts: Rollouts, touches: TouchRules, push: Push | None
 ) -> Guidance:
     """The feedback laws for a problem's rollouts.
 
@@ -63,7 +63,9 @@ def guidance(
     return _hanging_guidance(goal, start, rollouts, touches)
 
 
-def _standing_guidance(goal: Goal, start: State, rollouts: Rollouts, touches: Touches) -> Guidance:
+def _standing_guidance(
+    goal: Goal, start: State, rollouts: Rollouts, touches: TouchRules
+) -> Guidance:
     """A law that drives the inputs to the stance of the puppet."""
     result = stance(goal, start, rollouts, touches)
     if result.state is None:
@@ -85,7 +87,9 @@ def _pushing_guidance(push: Push, start: State, rollouts: Rollouts) -> Guidance:
     return Guidance(laws, False, note)
 
 
-def _hanging_guidance(goal: Goal, start: State, rollouts: Rollouts, touches: Touches) -> Guidance:
+def _hanging_guidance(
+    goal: Goal, start: State, rollouts: Rollouts, touches: TouchRules
+) -> Guidance:
     """A law that drives the puppet to the hanging equilibrium nearest to the goal."""
     marionette, bounds = rollouts.marionette, rollouts.bounds
     q_D, q_K, residual_force = nearest_equilibrium(marionette, goal, start, bounds.movable)

@@ -27,7 +27,7 @@ from fantoccini.control.tasks import (
     RolloutOptions,
     StateArrays,
     Task,
-    Touches,
+    TouchRules,
 )
 from fantoccini.dynamics.clearance import Clearance, HalfSpace
 from fantoccini.dynamics.compiled import check_start
@@ -145,7 +145,7 @@ class Problem:
         self.task, self.marionette, self.start, self.tolerance = task, marionette, start, tolerance
         self.name, self.max_duration = task.name, task.max_duration
         goal = Goal.of(marionette, task.end)
-        self.touches = Touches(marionette, conditions.contact, goal.touches, bounds.own_body)
+        self.touches = TouchRules(marionette, conditions.contact, goal.touches, bounds.own_body)
         self.goal = goal.for_problem(self.touches, tolerance)
         clearance = Clearance(
             marionette,
@@ -271,7 +271,7 @@ class Problem:
         return StateArrays.of(self.start)
 
 
-def _start_violation(start: State, rollouts: Rollouts, touches: Touches) -> str:
+def _start_violation(start: State, rollouts: Rollouts, touches: TouchRules) -> str:
     """Reason why no plan can begin at a state; may be empty."""
     if pair := touches.forbidden_touch(start.q_D, start.q_K):
         first, second = pair

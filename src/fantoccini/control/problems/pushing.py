@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fantoccini.base import Array
-from fantoccini.control.tasks import Goal, StateArrays, Touches
+from fantoccini.control.tasks import Goal, StateArrays, TouchRules
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.kernel.runtime import POINT, POSE
 from fantoccini.model.puppet import Box, Capsule, Ellipsoid, Shape, Sphere
@@ -72,7 +72,7 @@ class Push:
         return f"{self.prop} came {advance:.3g} m of {length:.3g} m, to {dist:.3g} m from its place"
 
 
-def find_push(goal: Goal, start: State, touches: Touches) -> Push | None:
+def find_push(goal: Goal, start: State, touches: TouchRules) -> Push | None:
     """The push for a goal; None unless the goal is a place of a prop.
 
     Args:

@@ -9,7 +9,7 @@ import numpy as np
 from fantoccini.base import Array, ConfigD, ConfigK, MaskRows, StateError, Status
 from fantoccini.control.problems.balance import best_support, nearest_equilibrium
 from fantoccini.control.problems.rollouts import Rollouts
-from fantoccini.control.tasks import Goal, StateArrays, Touches, carried_share
+from fantoccini.control.tasks import Goal, StateArrays, TouchRules, carried_share
 from fantoccini.dynamics.compiled import TimeStepping
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.dynamics.simulation import simulate
@@ -69,7 +69,7 @@ class Stance:
     note: str
 
 
-def stance(goal: Goal, start: State, rollouts: Rollouts, touches: Touches) -> Stance:
+def stance(goal: Goal, start: State, rollouts: Rollouts, touches: TouchRules) -> Stance:
     """A state of rest with contact near a goal.
 
     The puppet hangs with its feet in first contact, as near to the goal as possible. Its strings

@@ -37,8 +37,8 @@ from fantoccini.control.tasks.touch import ClosestApproach, Touch
 from fantoccini.control.tasks.touches import (
     KEEP_OFF,
     ContactLike,
-    Touches,
     TouchEvent,
+    TouchRules,
     carried_share,
 )
 
@@ -76,7 +76,7 @@ __all__ = [
     "TaskFile",
     "Touch",
     "TouchEvent",
-    "Touches",
+    "TouchRules",
     "Track",
     "active_fraction",
     "carried_share",

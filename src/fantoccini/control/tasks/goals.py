@@ -26,7 +26,7 @@ from fantoccini.control.tasks.goal_targets import (
     interval_ends,
 )
 from fantoccini.control.tasks.state_arrays import StateArrays
-from fantoccini.control.tasks.touches import Pair, Touches, pair_of
+from fantoccini.control.tasks.touches import Pair, TouchRules, pair_of
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.kernel.runtime import POINT, POSE, UNKNOWN, GoalNumbers
 from fantoccini.motion import State
@@ -74,7 +74,7 @@ class Goal(ShortRepr):
     q_K: ConfigK | None = None
     touches: tuple[tuple[str, str], ...] = ()
     share: float | None = None
-    touch_rules: Touches | None = None
+    touch_rules: TouchRules | None = None
 
     def distance(self, states: StateArrays) -> Array:
         """(...) distances of states."""
@@ -90,13 +90,13 @@ class Goal(ShortRepr):
     def gaps(self, states: StateArrays) -> Array:
         """(..., n) gaps of the required touches [m]."""
         rules = (
-            Touches(self.marionette, required=self.touches)
+            TouchRules(self.marionette, required=self.touches)
             if self.touch_rules is None
             else self.touch_rules
         )
         return rules.gaps(states.q_D, states.q_K)
 
-    def for_problem(self, rules: Touches, tolerance: float) -> Goal:
+    def for_problem(self, rules: TouchRules, tolerance: float) -> Goal:
         """The same goal with a problem's touches and tolerance."""
         if not self.touches:
             return self

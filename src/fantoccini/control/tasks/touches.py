@@ -53,7 +53,7 @@ class TouchEvent:
         return f"{' touches '.join(self.parts)} at {self.t:.3g} s with {self.speed:.2g} m/s"
 
 
-class Touches:
+class TouchRules:
     """The contact pairs of a puppet, sorted into those that may touch and those kept apart.
 
     Parts that belong to no puppet, such as props and the floor, may always touch one another. So
