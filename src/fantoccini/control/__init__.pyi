@@ -22,7 +22,7 @@ from .planning import (
     Feedback as Feedback,
     Followed as Followed,
     PlanResult as PlanResult,
-    Polish as Polish,
+    PolishResult as PolishResult,
     PolishStatus as PolishStatus,
     Search as Search,
     SearchOptions as SearchOptions,

@@ -5,7 +5,7 @@ from fantoccini.control.planning.check import Check
 from fantoccini.control.planning.feedback import Feedback, Followed
 from fantoccini.control.planning.options import PLANNERS, SearchOptions
 from fantoccini.control.planning.planners import EST2007, Explore
-from fantoccini.control.planning.polish import Polish, PolishStatus
+from fantoccini.control.planning.polish import PolishResult, PolishStatus
 from fantoccini.control.planning.result import PlanResult
 from fantoccini.control.planning.search import Search
 
@@ -17,7 +17,7 @@ __all__ = [
     "Feedback",
     "Followed",
     "PlanResult",
-    "Polish",
+    "PolishResult",
     "PolishStatus",
     "Search",
     "SearchOptions",

@@ -10,7 +10,7 @@ import numpy as np
 from fantoccini.base import Array, FileError, Mistake, npz
 from fantoccini.control.planning.options import SearchOptions
 from fantoccini.control.planning.planners import Planner
-from fantoccini.control.planning.polish import Polish
+from fantoccini.control.planning.polish import PolishResult
 from fantoccini.control.planning.search import Search, SearchRecord
 from fantoccini.control.planning.search_tree import SearchTree
 from fantoccini.control.problems import Problem
@@ -97,7 +97,7 @@ def load(path: str | Path, problem: Problem, planner: Planner | None = None) -> 
                 random_state=metadata["random"],
                 timed_out=bool(metadata["late"]),
                 refused=int(metadata["refused"]),
-                polished=Polish.of(metadata["polished"]),
+                polished=PolishResult.of(metadata["polished"]),
             )
         )
     return search

@@ -58,7 +58,7 @@ class PolishStatus(Outcome):
 
 
 @dataclass(frozen=True)
-class Polish:
+class PolishResult:
     """The outcome of polishing a plan.
 
     Attributes:
@@ -75,7 +75,7 @@ class Polish:
     violated: tuple[str, ...] = ()
 
     @classmethod
-    def of(cls, data: list[Any] | None) -> Polish | None:
+    def of(cls, data: list[Any] | None) -> PolishResult | None:
         """The outcome from :attr:`as_list`."""
         if data is None:
             return None
@@ -213,14 +213,14 @@ class Polisher:
             self.nearest = result.candidate
         return None
 
-    def outcome(self, status: PolishStatus, required: float) -> Polish:
+    def outcome(self, status: PolishStatus, required: float) -> PolishResult:
         """The outcome, with the nearest candidate of the last plan."""
         if self.nearest is None:
-            return Polish(status, required)
+            return PolishResult(status, required)
         violated = self._shooting.violated_constraints(self.nearest)
         if not self._shooting.stays_at_goal(self.nearest):
             violated += ("equilibrium",)
-        return Polish(status, required, float(self.nearest.distance[0]), violated)
+        return PolishResult(status, required, float(self.nearest.distance[0]), violated)
 
     def _arrives(self, candidate: Candidates, distance: float) -> bool:
         """Whether a candidate ends at the goal, within all bounds."""

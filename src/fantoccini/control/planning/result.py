@@ -16,7 +16,7 @@ from fantoccini.control.planning.check import Check, check_plan, confirm_plan
 from fantoccini.control.planning.feedback import Feedback
 from fantoccini.control.planning.plan_path import PlanPath
 from fantoccini.control.planning.planners import Planner
-from fantoccini.control.planning.polish import Polish
+from fantoccini.control.planning.polish import PolishResult
 from fantoccini.control.planning.search import Search
 from fantoccini.control.planning.search_tree import SearchTree
 from fantoccini.control.problems import Problem, Rollouts
@@ -50,7 +50,7 @@ class PlanResult(Answer):
     seconds: float
     curve: tuple[tuple[float, int, float], ...]
     refused: int
-    polished: Polish | None
+    polished: PolishResult | None
 
     @classmethod
     def of(cls, search: Search) -> PlanResult:

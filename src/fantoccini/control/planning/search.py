@@ -12,7 +12,7 @@ import numpy as np
 from fantoccini.control.planning.check import confirm_plan
 from fantoccini.control.planning.options import SearchOptions
 from fantoccini.control.planning.plan_path import PlanPath
-from fantoccini.control.planning.polish import Polish, Polisher, PolishStatus
+from fantoccini.control.planning.polish import Polisher, PolishResult, PolishStatus
 from fantoccini.control.planning.search_tree import SearchTree
 from fantoccini.control.problems import Problem
 from fantoccini.control.tasks import Objective
@@ -61,7 +61,7 @@ class SearchRecord:
     random_state: Mapping[str, Any]
     timed_out: bool
     refused: int
-    polished: Polish | None
+    polished: PolishResult | None
 
 
 class Search:
@@ -87,7 +87,7 @@ class Search:
         self.objective = problem.objective if objective is None else Objective.of(objective)
         self.tree, self.best, self.tried, self.seconds = self._new_tree(np.inf), 0, 0, 0.0
         self.timed_out, self.refused = False, 0
-        self.polished: Polish | None = None
+        self.polished: PolishResult | None = None
         self.fault = ""
         self.curve: list[tuple[float, int, float]] = []
         self._planner = options.planner_round
@@ -145,17 +145,17 @@ class Search:
         until = time.perf_counter() + seconds
         if self.problem.touches.expected:
             self.find_better(seconds)
-            self.polished = Polish(PolishStatus.MAY_TOUCH, distance)
+            self.polished = PolishResult(PolishStatus.MAY_TOUCH, distance)
             return
         self.find_better(_EFFORT.first_growth * seconds)
         if self.problem.goal.function is not None:
-            self.polished = Polish(PolishStatus.UNKNOWN_GOAL, distance)
+            self.polished = PolishResult(PolishStatus.UNKNOWN_GOAL, distance)
             return
         if self.best == 0:
             self.polish(distance, 0.0)
             return
         best_polished = attempted = None
-        self.polished = Polish(PolishStatus.TIMEOUT, distance)
+        self.polished = PolishResult(PolishStatus.TIMEOUT, distance)
         try:
             while (time_left := until - time.perf_counter()) > 0.0:
                 if (self.tree, self.best) != attempted and self.polish(
@@ -172,7 +172,7 @@ class Search:
             if best_polished is not None:
                 self.polished = best_polished[2]
             elif self.polished is None:  # there was no time left for the last plan
-                self.polished = Polish(PolishStatus.TIMEOUT, distance)
+                self.polished = PolishResult(PolishStatus.TIMEOUT, distance)
 
     def polish(self, distance: float, seconds: float, time_limit: float = np.inf) -> bool:
         """Brings the end of the best plan nearer to the goal, and shortens the plan.
@@ -202,7 +202,7 @@ class Search:
             end_distance = float(self.tree.distance[self.best])
             is_near = end_distance <= distance
             status = PolishStatus.NO_BETTER if is_near else PolishStatus.NO_MOTION
-            self.polished = Polish(status, distance, end_distance)
+            self.polished = PolishResult(status, distance, end_distance)
             return self.polished.reached
         polisher, status = Polisher(self.problem), PolishStatus.INTERRUPTED
         try:
