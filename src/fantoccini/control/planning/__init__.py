@@ -2,7 +2,7 @@
 
 from fantoccini.control.planning.api import plan, solve
 from fantoccini.control.planning.check import Check
-from fantoccini.control.planning.feedback import Feedback, Followed
+from fantoccini.control.planning.feedback import ClosedLoopRollout, Feedback
 from fantoccini.control.planning.options import PLANNERS, SearchOptions
 from fantoccini.control.planning.planners import EST2007, Explore
 from fantoccini.control.planning.polish import PolishResult, PolishStatus
@@ -13,9 +13,9 @@ __all__ = [
     "EST2007",
     "PLANNERS",
     "Check",
+    "ClosedLoopRollout",
     "Explore",
     "Feedback",
-    "Followed",
     "PlanResult",
     "PolishResult",
     "PolishStatus",

@@ -73,7 +73,7 @@ Push = Callable[[float], Array]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Followed(ShortRepr):
+class ClosedLoopRollout(ShortRepr):
     """The result of a closed-loop rollout of a plan.
 
     Attributes:
@@ -95,9 +95,9 @@ class Followed(ShortRepr):
     status: Status
 
     @classmethod
-    def of(
+    def from_states(
         cls, problem: Problem, states: list[State], acceleration: Array, status: Status
-    ) -> Followed:
+    ) -> ClosedLoopRollout:
         """The result with the states of a run at checks.
 
         Args:
@@ -294,7 +294,7 @@ class Feedback(ShortRepr):
         push: Push | None = None,
         hold: float = 0.0,
         closed: bool = True,
-    ) -> Followed:
+    ) -> ClosedLoopRollout:
         """The result of a closed-loop rollout, in which the puppet follows the plan.
 
         Args:
@@ -335,7 +335,7 @@ class Feedback(ShortRepr):
             states.append(x)
             if not stepper.arrived:
                 break
-        return Followed.of(problem, states, np.array(applied), stepper.status)
+        return ClosedLoopRollout.from_states(problem, states, np.array(applied), stepper.status)
 
 
 def _active_sets(plan: PlanPath) -> MaskRows:
