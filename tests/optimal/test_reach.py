@@ -68,7 +68,7 @@ def test_a_plumb_bob_hangs_straight_below_its_end():
     ends = np.column_stack([places[:, :2], 2.0 - places[:, 2]])
     np.testing.assert_allclose(poses.q_K, ends, atol=1e-6)
     np.testing.assert_allclose(poses.tension[:, 0], 9.81, rtol=1e-9)
-    np.testing.assert_allclose(poses.by_K[0], np.diag([1.0, 1.0, -1.0]), atol=1e-9)
+    np.testing.assert_allclose(poses.jacobian[0], np.diag([1.0, 1.0, -1.0]), atol=1e-9)
     assert poses[0].constant == () and poses[0].taut == ("line",)
 
 
@@ -209,7 +209,7 @@ def test_poses_hang_and_inputs_move_them_by_their_derivatives(marionette):
     ]
     smooth = np.setdiff1d(np.arange(25), turns)
     assert len(smooth) == 23
-    differences = np.abs(poses.by_K[4][smooth, k] - slope[smooth])
+    differences = np.abs(poses.jacobian[4][smooth, k] - slope[smooth])
     assert differences.max() < 1e-6 * np.abs(slope).max()
 
 

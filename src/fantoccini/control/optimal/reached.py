@@ -76,7 +76,7 @@ class ReachedPose(Answer):
         parameters: values of the parameters that were chosen.
         tension: string -> tension [N].
         taut: strings that pull.
-        still: dynamic coordinates that the driven ones cannot move from this pose, to first order.
+        immovable: dynamic coordinates that the driven ones cannot move from this pose, to first order.
         limits: descriptions of the bounds that keep it from its places; empty if it reaches them.
     """
 
@@ -87,7 +87,7 @@ class ReachedPose(Answer):
     parameters: dict[str, float]
     tension: dict[str, float]
     taut: tuple[str, ...]
-    still: tuple[str, ...]
+    immovable: tuple[str, ...]
     limits: tuple[str, ...]
 
     def summary(self) -> str:
@@ -182,7 +182,7 @@ class ReachedPoses:
         return self._result.iterations
 
     @property
-    def by_K(self) -> Array:
+    def jacobian(self) -> Array:
         """(n, n_vD, n_vK) dq_D/dq_K of each pose."""
         n_K = self.problem.marionette.coordinates.n_vK
         return self._result.by[:, :n_K].swapaxes(1, 2)
@@ -194,7 +194,7 @@ class ReachedPoses:
             q_D=result.q_D[i], q_K=result.q_K[i], taut=result.held[i].astype(bool)
         )
         names = [s.name for s in marionette.tree.strings]
-        is_moved = np.max(np.abs(self.by_K[i]), axis=1, initial=0.0) > _MAX_RATE_ROUNDING
+        is_moved = np.max(np.abs(self.jacobian[i]), axis=1, initial=0.0) > _MAX_RATE_ROUNDING
         target_labels = target_names(problem.names)
         free_parameters = {
             name: float(result.p[i, j])

@@ -125,7 +125,7 @@ class Feedback(ShortRepr):
         A, B: (m, n_z, n_z), (m, n_z, n_vK) derivatives of its segments.
         gains: (m, n_vK, n_z) feedback gains.
         active_sets: (m + 1, n_strings) bool, the active sets after the nodes.
-        extended: references for other active sets.
+        extensions: references for other active sets.
     """
 
     plan: PlanPath
