@@ -33,7 +33,7 @@ def moved(scene: fan.Marionette, run: fan.Trajectory) -> np.ndarray:
 def test_an_arm_pushes_a_crate_further(crates, seed):
     """It is moved by 10 cm and stays there, in a simulation with other steps than the planner's."""
     scene, x0 = crates
-    goal = fan.control.Goal.moved(scene, "crate", [0.1, 0.0, 0.0], x0)
+    goal = fan.control.Goal.displaced(scene, "crate", [0.1, 0.0, 0.0], x0)
     plan = fan.plan(scene, x0, goal, contact=MAY, tolerance=0.05, seed=seed, time_limit=60.0)
     assert plan and plan.problem.hold > 0.0 and plan.touches[0].parts == ("hand", "crate")
     method = fan.TimeStepping(dt=1e-3)
@@ -92,7 +92,7 @@ def test_a_crate_that_is_too_heavy_reports_its_displacement(mass, goes):
     # A parameter, so that both crates share their library.
     scene = before_prop(BOB, CRATE | {"mass": {"parameter": "load", "value": mass}}, 0.08)
     x0 = scene.rest()
-    goal = fan.control.Goal.moved(scene, "crate", [0.1, 0.0, 0.0], x0)
+    goal = fan.control.Goal.displaced(scene, "crate", [0.1, 0.0, 0.0], x0)
     problem = Problem(
         scene,
         x0,
@@ -113,7 +113,7 @@ def test_a_crate_that_is_too_heavy_reports_its_displacement(mass, goes):
 def test_a_push_needs_an_allowed_contact(crates):
     scene, x0 = crates
     plan = fan.plan(
-        scene, x0, fan.control.Goal.moved(scene, "crate", [0.1, 0, 0], x0), tolerance=0.05
+        scene, x0, fan.control.Goal.displaced(scene, "crate", [0.1, 0, 0], x0), tolerance=0.05
     )
     assert plan.status is fan.control.AnswerStatus.INFEASIBLE_GOAL
     assert "nothing may touch crate" in plan.message

@@ -53,7 +53,7 @@ class Goal(ShortRepr):
     Distances to an interval or a box are distances to its nearest point. Goal velocities are 0
     unless the goal is a state. Required touches add their gaps and, while any of them is open, the
     tolerance of the plan, so that all are closed at its end. Goals are made by :meth:`pose`,
-    :meth:`point`, :meth:`touch`, :meth:`stand`, :meth:`moved` or :meth:`of`.
+    :meth:`point`, :meth:`touch`, :meth:`stand`, :meth:`displaced` or :meth:`of`.
 
     Attributes:
         marionette: the puppet.
@@ -386,7 +386,7 @@ class Goal(ShortRepr):
         return goal.standing(pairs, share)
 
     @classmethod
-    def moved(
+    def displaced(
         cls,
         marionette: Marionette,
         body: str,

@@ -307,6 +307,6 @@ def _point_goal(
     point: PointGoal, marionette: Marionette, start: State, weight: dict[str, float]
 ) -> Goal:
     if point.by is not None:
-        return Goal.moved(marionette, point.body, point.by, start, **weight)
+        return Goal.displaced(marionette, point.body, point.by, start, **weight)
     assert point.place is not None  # otherwise a mistake was reported
     return Goal.point(marionette, point.body, point.place, at=point.at, to=point.to, **weight)
