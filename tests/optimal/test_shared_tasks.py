@@ -33,7 +33,7 @@ def task_of(folder: Path, more: str) -> fan.Task:
 )
 def test_coordinates_that_a_problem_file_does_not_name_hold_still(tmp_path, bounds):
     task = task_of(tmp_path, bounds + "\n")
-    problem, table = fan.control.Problem.of(task), task.marionette.coordinates
+    problem, table = fan.control.Problem.from_task(task), task.marionette.coordinates
     assert [name for name, may in zip(table.q_K, problem.bounds.movable, strict=True) if may] == [
         "line.x"
     ]
@@ -53,7 +53,7 @@ def test_the_fingerprint_of_a_problem_file_is_that_of_the_bounds_it_gives(tmp_pa
         bounds=fan.control.Bounds(speed={"line.x": 0.5}, acceleration=2.0, clearance=0.0),
     )
     by_hand.max_duration = task.max_duration
-    assert fan.control.Problem.of(task).fingerprint == by_hand.fingerprint
+    assert fan.control.Problem.from_task(task).fingerprint == by_hand.fingerprint
 
 
 def test_a_held_coordinate_of_zero_speed_is_one_of_held(small_crane):

@@ -70,7 +70,7 @@ def plan(
     if isinstance(marionette, Task):
         if start is not None or goal is not None or obstacles:
             raise StateError("plan: a task has its start, end and obstacles; give no others")
-        return solve(Problem.of(marionette, **options), search)
+        return solve(Problem.from_task(marionette, **options), search)
     if start is None or goal is None:
         raise StateError("plan: found no start or no goal; needed: both, or a Task alone")
     return solve(Problem(marionette, start, goal, obstacles, **options), search)

@@ -32,7 +32,7 @@ def load_problem(
         FileError: all mistakes with their locations.
     """
     task, check = read_task(path, progress, ProblemFile, TaskFile)
-    return check.need((), lambda: Problem.of(_with_options(task, threads, options)))
+    return check.need((), lambda: Problem.from_task(_with_options(task, threads, options)))
 
 
 def _with_options(task: Task, threads: int | None, options: dict[str, Any]) -> Task:

@@ -110,7 +110,7 @@ class Problem:
         self._prepare(task)
 
     @classmethod
-    def of(cls, task: Task, *, rollouts: RolloutOptions | None = None) -> Problem:
+    def from_task(cls, task: Task, *, rollouts: RolloutOptions | None = None) -> Problem:
         """The problem of a task. A state at its end counts with its dynamic part and velocities.
 
         Args:
@@ -180,7 +180,7 @@ class Problem:
             self.equilibrium = guidance_at_goal.rests_at_goal
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return Problem.of, (self.task,)
+        return Problem.from_task, (self.task,)
 
     @property
     def _unreachable_touch(self) -> str:
