@@ -55,7 +55,9 @@ def lowering(ball_arm: fan.Marionette, clearance: float | None = None) -> fan.Ta
         fan.control.Track.point("ball", goal, at=(0, 0, -0.2), weight=10, end_weight=1e3),
         fan.control.Track.velocity("*", 0.0, weight=0.1, end_weight=10.0),
     ]
-    limits = fan.control.Bounds(acceleration=10.0, clearance=clearance).staying_taut(ball_arm, x0)
+    limits = fan.control.Bounds(acceleration=10.0, clearance=clearance).with_taut_strings(
+        ball_arm, x0
+    )
     smooth = fan.control.Smooth(1e-2, 1e-5)
     return fan.Task(ball_arm, x0, 2.0, tracks, smooth, limits, interval=0.04, dt=0.01)
 

@@ -50,7 +50,7 @@ def optimum(
     bounds = fan.control.Bounds(speed=problem.speed, acceleration=problem.acceleration)
     x0, end = puppet.rest(), puppet.rest({trolley: problem.way})
     if on == "string":
-        bounds = bounds.staying_taut(puppet, x0)
+        bounds = bounds.with_taut_strings(puppet, x0)
     task = fan.Task(
         puppet,
         x0,

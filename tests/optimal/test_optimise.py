@@ -276,7 +276,7 @@ def test_the_motion_does_not_depend_on_the_unit_of_the_cost(arm: fan.Marionette)
     for unit in (1.0, 1e-4):
         tracks = [fan.control.Track.coordinate("elbow", 2.1, weight=unit)]
         smooth = fan.control.Smooth(1e-4 * unit, 1e-6 * unit)
-        bounds = fan.control.Bounds().staying_taut(arm, x0)
+        bounds = fan.control.Bounds().with_taut_strings(arm, x0)
         task = fan.Task(arm, x0, 1.0, tracks, smooth, bounds, interval=0.05)
         optima.append(fan.optimise(task))
     assert optima[1].iterations > 3

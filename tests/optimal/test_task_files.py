@@ -138,7 +138,10 @@ def test_free_durations_ends_and_slack(tmp_path):
     best = fan.optimise(firm, iterations=0)
     low, high = best.bounds.tension["hoist"]
     assert 0.0 < low < 0.1 * crane.weight and high == np.inf
-    assert fan.control.Problem.from_task(firm).fingerprint == fan.control.Problem.from_task(best.task).fingerprint
+    assert (
+        fan.control.Problem.from_task(firm).fingerprint
+        == fan.control.Problem.from_task(best.task).fingerprint
+    )
 
 
 def test_paths_from_csv(tmp_path):

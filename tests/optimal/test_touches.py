@@ -166,7 +166,7 @@ def test_an_arm_passes_a_place_at_the_best_time(arm: fan.Marionette):
         end,
         tracks,
         fan.control.Smooth(1e-2, 0.0),
-        fan.control.Bounds().staying_taut(arm, x0),
+        fan.control.Bounds().with_taut_strings(arm, x0),
         interval=end / n,
         dt=0.001,
         touches=[fan.control.Touch("lower", place, TIP, (0.1, end))],

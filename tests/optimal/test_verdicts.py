@@ -123,7 +123,7 @@ def test_a_search_without_progress_names_its_residual(small_crane, monkeypatch):
 def test_a_stationary_motion_that_is_no_minimum_is_not_the_answer(small_crane):
     """At rest the bob's height is stationary, for any motion of the trolley."""
     bounds = fan.control.Bounds(acceleration=3.0, held=("line.length",))
-    bounds = bounds.staying_taut(small_crane, small_crane.rest())
+    bounds = bounds.with_taut_strings(small_crane, small_crane.rest())
     high = fan.control.Track.coordinate("bob.z", -0.95, weight=100.0)
     rocked = replace(task(small_crane, bounds, end=None, duration=1.5), tracks=[high])
     best = fan.optimise(rocked, time_limit=600.0)

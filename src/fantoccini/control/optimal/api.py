@@ -122,7 +122,7 @@ def optimise(
     original_task = task
     if not task.conditions.slack:
         # The answer keeps the bounds of the task, since plans support none of tension.
-        task = replace(task, bounds=task.bounds.staying_taut(task.marionette, task.x0))
+        task = replace(task, bounds=task.bounds.with_taut_strings(task.marionette, task.x0))
     marionette = task.marionette
     has_rotations = bool(marionette.coordinates.rotations)
     if exact and has_rotations:

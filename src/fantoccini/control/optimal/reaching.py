@@ -94,7 +94,7 @@ def reach(
     held_velocities = tuple(bounds.held_velocities(marionette.coordinates).values())
     bounds = replace(bounds, speed=np.inf, acceleration=np.inf, jerk=np.inf, held=held_velocities)
     if not slack:
-        bounds = bounds.staying_taut(marionette, start_at_rest)
+        bounds = bounds.with_taut_strings(marionette, start_at_rest)
     bounds.check_state(marionette, start_at_rest, "at the start")
     places, arrays = _target_arrays(marionette, targets)
     arrays["weights"] = _target_weights(targets, weights or {})

@@ -108,7 +108,7 @@ class Bounds:
                 held |= resolve_driven(table, table.v_K, dict.fromkeys(names), kind)
         return {k: name for k, (name, _) in held.items()}
 
-    def staying_taut(self, marionette: Marionette, x0: State) -> Bounds:
+    def with_taut_strings(self, marionette: Marionette, x0: State) -> Bounds:
         """The same bounds, with strings that pull at the start kept taut."""
         tensions = motion_at(marionette, x0).tension
         names = [s.name for s in marionette.tree.strings]
