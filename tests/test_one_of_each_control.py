@@ -122,7 +122,7 @@ def test_all_searches_for_equilibria_end_in_one_function():
     problem = fan.control.Problem(arm, x, {"elbow": bent})
     led = problem.rollouts.laws[0]
     again = arm.rest(x.replace(q_D=led.q_D, q_K=led.q_K))
-    assert problem.equilibrium and again.q_D == pytest.approx(led.q_D, abs=1e-9)
+    assert problem.rests_at_goal and again.q_D == pytest.approx(led.q_D, abs=1e-9)
 
 
 def test_one_outer_loop_iterates_quadratic_programs():

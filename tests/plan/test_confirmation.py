@@ -179,7 +179,7 @@ def test_a_goal_state_at_rest_ends_at_rest():
     crane = fan.puppets.crane()
     start, goal = (crane.rest({"trolley": x}) for x in (-1.5, 1.5))
     problem = Problem(crane, start, goal, bounds=fan.control.Bounds(speed=2.0, acceleration=2.0))
-    assert problem.equilibrium
+    assert problem.rests_at_goal
     for seed in range(4):
         plan = solve(problem, seed=seed)
         assert plan and np.linalg.norm(plan.trajectory.v_K[-1]) <= problem.tolerance

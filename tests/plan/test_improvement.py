@@ -207,7 +207,7 @@ def test_inputs_end_at_rest_on_request():
         bounds=fan.control.Bounds(clearance=0.005),
         slack=False,
     )
-    assert other_problem.equilibrium
+    assert other_problem.rests_at_goal
     result = first_plan(other_problem, near, polished)
     assert result.distance <= 1e-3
     assert np.linalg.norm(result.trajectory.v_K[-1]) <= 2e-3

@@ -332,7 +332,7 @@ def test_a_goal_with_impossible_ends_is_searched_without_a_law():
         tolerance=0.25,
         bounds=fan.control.Bounds(position={"hand.length": (1.25, 1.6)}),
     )
-    assert not out.rollouts.laws and not out.equilibrium
+    assert not out.rollouts.laws and not out.rests_at_goal
     assert solve(out, iterations=200).tried >= 200
 
 

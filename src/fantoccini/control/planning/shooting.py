@@ -309,7 +309,7 @@ class Shooting:
     def _displacement(self, states: StateArrays) -> Array:
         """(n, n_l) weighted distance of inputs from the equilibrium, if they must end at rest."""
         problem = self.problem
-        if not (problem.equilibrium and problem.goal.numbers.driven_weight):
+        if not (problem.rests_at_goal and problem.goal.numbers.driven_weight):
             return np.zeros((len(states.q_K), 0))
         displacement = states.q_K - problem.rollouts.laws[0].q_K
         return _TOLERANCES.displacement_weight * displacement[:, self._driven]

@@ -38,7 +38,7 @@ class Guidance:
 
     Attributes:
         laws: the laws; empty if the driven coordinates cannot reach the target.
-        equilibrium: whether the first law leads to rest at the goal with the required clearance.
+        rests_at_goal: whether the first law leads to rest at the goal with the required clearance.
         note: description of anything missing at the goal; empty if nothing is.
     """
 

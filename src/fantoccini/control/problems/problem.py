@@ -53,7 +53,7 @@ class Problem:
         rollouts: batch simulations from many states, within the bounds without that part.
         distance: distance of the start from the goal.
         reason: reason why no plan can begin at the start; may be empty.
-        equilibrium: whether the puppet can rest at the goal, clear of obstacles; otherwise plans
+        rests_at_goal: whether the puppet can rest at the goal, clear of obstacles; otherwise plans
             pass through it.
         out_of_reach: reason why no plan can end at the goal; may be empty.
         push: push of a prop, if the goal is a place for it; otherwise None.
@@ -173,11 +173,11 @@ class Problem:
         default_hold = _DEFAULT_HOLD if must_stay else 0.0
         self.hold = default_hold if conditions.hold is None else float(conditions.hold)
         self.out_of_reach = out_of_reach(self.goal, tolerance) or self._unreachable_touch
-        self.equilibrium, self.note = False, ""
+        self.rests_at_goal, self.note = False, ""
         if not self.infeasible:
             guidance_at_goal = guidance(self.goal, start, self.rollouts, self.touches, self.push)
             self.rollouts.laws, self.note = guidance_at_goal.laws, guidance_at_goal.note
-            self.equilibrium = guidance_at_goal.rests_at_goal
+            self.rests_at_goal = guidance_at_goal.rests_at_goal
 
     def __reduce__(self) -> tuple[Any, ...]:
         return Problem.from_task, (self.task,)
@@ -192,7 +192,7 @@ class Problem:
     @property
     def rest_K(self) -> ConfigK | None:
         """(n_qK,) driven coordinates with which the puppet rests on its required touches."""
-        if not (self.equilibrium and self.goal.touches):
+        if not (self.rests_at_goal and self.goal.touches):
             return None
         return self.rollouts.laws[0].q_K
 
