@@ -17,7 +17,12 @@ pytestmark = pytest.mark.medium
 
 PACKAGE = Path(__file__).resolve().parents[1] / "src" / "fantoccini"
 SOLVERS = {"solve", "cho_factor", "cholesky"}
-ANSWERS = (fan.control.PlanResult, fan.control.Optimum, fan.control.ReachedPose, fan.control.TuningResult)
+ANSWERS = (
+    fan.control.PlanResult,
+    fan.control.Optimum,
+    fan.control.ReachedPose,
+    fan.control.TuningResult,
+)
 
 
 def functions(folder: Path = PACKAGE) -> dict[str, ast.FunctionDef]:

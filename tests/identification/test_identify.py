@@ -75,7 +75,7 @@ def test_derivatives_agree_with_differences_of_event_driven_runs(case):
     def predicted(theta):
         values = dict(zip([u.name for u in data.unknowns], theta, strict=False))
         puppet = data.marionette.with_parameters(values)
-        moved = fit.projected(point.q_D, point.v_D, theta, point.held)
+        moved = fit.projected_point(point.q_D, point.v_D, theta, point.active_rows)
         q_K, v_K, _ = fit.inputs.evaluate(fit.starts[s])
         offset = fit.offsets(theta)
         x = puppet.rest().replace(
@@ -126,14 +126,14 @@ def test_derivatives_of_the_steps_are_exact(case):
         change = np.zeros(len(point.theta))
         change[i] = 1e-5 * data.scales[i]
         predictions = [
-            fit.predict(fit.moved(point, np.zeros((len(point.q_D), m)), s * change))
+            fit.predict(fit.moved_point(point, np.zeros((len(point.q_D), m)), s * change))
             for s in (1, -1)
         ]
         slope = (predictions[0].y - predictions[1].y) / (2 * change[i])
         exact = J[:, :, m + i]
         assert np.max(np.abs(slope - exact)) < 5e-5 * np.max(np.abs(exact)), data.labels[i]
     move = 1e-6 * rng.standard_normal((len(point.q_D), m))
-    predictions = [fit.predict(fit.moved(point, s * move, 0 * point.theta)) for s in (1, -1)]
+    predictions = [fit.predict(fit.moved_point(point, s * move, 0 * point.theta)) for s in (1, -1)]
     slope = 0.5 * (predictions[0].y - predictions[1].y)
     exact = np.einsum("ncm,nm->nc", J[:, :, :m], move[segments])
     assert np.max(np.abs(slope - exact)) < 1e-4 * np.max(np.abs(exact))
@@ -236,11 +236,11 @@ def test_undetermined_combinations_of_a_pendulum_are_named():
     )
     estimate = fan.identify(data)
     assert len(estimate.combinations) == 1
-    parts = estimate.combinations[0].parts
+    parts = estimate.combinations[0].segment_costs
     assert set(parts) == {"mass", "damping"}
     # Parts are relative to the larger of the first and the estimated value, their ratio to the
     # estimates.
-    sizes = data.sizes(estimate.values)
+    sizes = data.scales_at(estimate.values)
     mass, damping = (parts[n] * sizes[i] / estimate[n] for i, n in enumerate(("mass", "damping")))
     assert abs(mass / damping - 1.0) < 0.02
     centre = (0.01 + 0.4 * 0.3**2) / (0.4 * 0.3)  # of a point mass that swings like the rod
@@ -272,7 +272,7 @@ def test_only_forces_determine_the_scale_of_masses():
     case = scaled_case()
     without_tension = fan.identify(record(case, 10.0, 1))
     assert len(without_tension.combinations) == 1
-    parts = without_tension.combinations[0].parts
+    parts = without_tension.combinations[0].segment_costs
     assert {"upper_mass", "lower_mass"} <= set(parts)
     assert all(share > 0 for share in parts.values())
     assert np.isinf(without_tension.deviation("upper_mass")) and np.isfinite(

@@ -215,7 +215,9 @@ delay: {about: 0.02}
     (folder / "units.yaml").write_text(TEXT.replace("delay: find\n", new), encoding="utf-8")
     plain, data = (fan.lab.load_record(folder / f"{name}.yaml") for name in ("swing", "units"))
     assert data.noise == {"wrist.x": 0.01, "middle": 0.004}
-    noise = dict(zip(data.channels.names, NoiseLevels.of(data).given.tolist(), strict=True))
+    noise = dict(
+        zip(data.channels.names, NoiseLevels.from_record(data).given.tolist(), strict=True)
+    )
     assert noise["wrist.x"] == 0.01 and np.isnan(noise["wrist.y"]) and noise["middle.z"] == 0.004
     q = data.marionette.coordinates.q_K.index("hand.length")
     lengths = [x.inputs.evaluate(3.0)[0][q] for x in (plain, data)]

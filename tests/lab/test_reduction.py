@@ -13,7 +13,7 @@ from fantoccini.lab import reduction
 from fantoccini.lab.reduction import kinetic_energy, symmetric_products, tracking
 from fantoccini.lab.reduction_states import (
     displaced,
-    drive,
+    drive_inertia,
     fit_strings,
     in_metres,
     mean_length,
@@ -136,9 +136,9 @@ def test_drives_weigh_as_much_as_the_puppet():
     turned, winch = fan.loads(TURNED), fan.loads(WINCH)
     assert list(in_metres(turned)[turned.coordinates.n_vD :]) == 3 * [True] + 3 * [False]
     assert mean_length(turned) == 1.0
-    assert drive(turned) == pytest.approx((0.7, 0.7 * 0.1**2))  # the hand is driven
+    assert drive_inertia(turned) == pytest.approx((0.7, 0.7 * 0.1**2))  # the hand is driven
     assert mean_length(winch) == pytest.approx(np.hypot(0.3, 1.0))
-    assert drive(winch, 2.0)[0] == 1.0
+    assert drive_inertia(winch, 2.0)[0] == 1.0
 
 
 def test_winches_that_pull_on_one_bob_from_both_sides_are_tied():

@@ -238,7 +238,7 @@ def test_ctrl_c_while_it_explores_keeps_the_best_so_far():
 def test_random_inputs_stay_within_their_bounds(arm: fan.Marionette):
     """They can also stop there: unlimited motions come to rest at the bound."""
     task = fan.control.load_task("swing_up")
-    driven, h = DrivenConditions.of(task), 0.03
+    driven, h = DrivenConditions.from_task(task), 0.03
     rng = np.random.default_rng(0)
     wild = 60.0 * rng.standard_normal((50, 80, 2))
     pushed = np.full((2, 80, 2), 40.0)

@@ -107,7 +107,7 @@ def test_a_true_plan_is_confirmed_in_any_case(boxes, monkeypatch):
     plan = first_plan(boxes, made=lambda p: solve(boxes, seed=0, confirm=False))
     assert plan.status is fan.control.AnswerStatus.UNCONFIRMED and plan.holds
     monkeypatch.setattr(result, "confirm_plan", refused)
-    repeated = PlanResult.of(plan.search)
+    repeated = PlanResult.from_search(plan.search)
     assert not repeated and "does not hold in simulation" in repeated.message
     assert repeated.distance <= boxes.tolerance
     with pytest.raises(ValueError, match="no plan to polish"):

@@ -59,7 +59,7 @@ def test_a_late_or_early_catch_uses_the_gains_of_its_mode(lift, kicks):
     """At the second node it is on the other side of the catch than the plan."""
     plan, late = dropped(lift, 4), kicks[0] > 0.0
     by_event, by_time = plan.feedback(), plan.feedback(window=0)
-    assert by_event.active[1, 0] == late and not len(by_time.extensions.timed_out)
+    assert by_event.active_sets[1, 0] == late and not len(by_time.extensions.offset)
     deviations = []
     for kick in kicks:
         start = plan.start.replace(v_D=plan.start.v_D + np.array([kick, 0.0]))
@@ -72,7 +72,7 @@ def test_a_late_or_early_catch_uses_the_gains_of_its_mode(lift, kicks):
 def test_the_active_set_is_the_puppets():
     plan = dropped(0.17, 4)
     law, arm = plan.feedback(), plan.problem.marionette
-    assert law.active[:, 0].tolist() == [False, True, True, True, True]
+    assert law.active_sets[:, 0].tolist() == [False, True, True, True, True]
     x = arm.stepper(plan.start).advance(0.2)
     assert law.active_set(x) == [True]
     empty = arm.project(x).replace(taut=np.zeros_like(x.taut))

@@ -175,7 +175,7 @@ def test_steppers_that_lose_steps_are_followed_to_the_end(plan, law):
 
 def test_without_events_gains_go_by_time(plan, law):
     """If the plan's string is taut all the way, this holds to the last bit."""
-    assert np.all(law.active) and not len(law.extensions.timed_out)
+    assert np.all(law.active_sets) and not len(law.extensions.offset)
     by_time = plan.feedback(window=0)
     kicked = plan.problem.marionette.project(plan.start.replace(v_D=[0.3, 0.1, 0.0, -0.4]))
     runs = [each.run(kicked) for each in (law, by_time)]

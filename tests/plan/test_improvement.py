@@ -39,7 +39,7 @@ def test_plans_become_shorter(problem):
     search.find_better(60.0, iterations=4000)
     times = [t for _, _, t in search.curve]
     assert times[0] == first and np.all(np.diff(times) < 0) and len(times) > 1
-    result = fan.control.PlanResult.of(search)
+    result = fan.control.PlanResult.from_search(search)
     assert result and result.duration == times[-1] and result.replay()
     seconds = [s for s, _, _ in result.curve]
     assert np.all(np.diff(seconds) >= 0.0) and seconds[-1] <= result.seconds
@@ -112,7 +112,7 @@ def test_saving_effort_does_not_shorten_the_plan(problem):
         search = Search(problem, SearchOptions(seed=seed))
         search.find_first(60.0)
         search.find_better(60.0, iterations=3000)
-        result = fan.control.PlanResult.of(search)
+        result = fan.control.PlanResult.from_search(search)
         shorter.append(result.polish(1e-3, seconds=20.0).duration / result.duration)
     assert min(shorter) < 0.9
 
@@ -181,7 +181,7 @@ def test_iterations_determine_the_result(problem):
         search.find_first(60.0)
         search.find_better(60.0, iterations=1500)
         result.append(search)
-    a, b = (fan.control.PlanResult.of(s) for s in result)
+    a, b = (fan.control.PlanResult.from_search(s) for s in result)
     assert a.path == b.path and np.array_equal(a.tree.q_D, b.tree.q_D)
 
 

@@ -52,7 +52,7 @@ def test_finer_steps_come_nearer_to_the_event_driven_run(plan):
 def test_a_plan_with_other_inputs_does_not_arrive(plan):
     other = {name: a.copy() for name, a in plan.tree.arrays.items()}
     other["acceleration"][list(plan.path)] *= -1.0
-    path = dataclasses.replace(plan.plan_path, tree=SearchTree.of(other, plan.tree))
+    path = dataclasses.replace(plan.plan_path, tree=SearchTree.from_arrays(other, plan.tree))
     spoiled = dataclasses.replace(plan, plan_path=path)
     mujoco_check = spoiled.verify(backend="mujoco")
     assert not mujoco_check.arrives and mujoco_check.deviation > 0.1

@@ -162,7 +162,7 @@ def print_motions(motions: tuple[Candidate, ...]) -> None:
                 len(motion.combinations),
             )
             for motion in motions[:_MAX_LISTED]
-            if not motion.refused
+            if not motion.failure
         ],
     )
     if motions[0].gain < _MIN_INFORMATION:

@@ -117,7 +117,7 @@ class Exploration:
             rng,
             deadline,
         )
-        self._threads, self._driven = threads, DrivenConditions.of(objective.task)
+        self._threads, self._driven = threads, DrivenConditions.from_task(objective.task)
         n, k, T = initial.table.n_vD, initial.table.n_vK, initial.interval * len(initial)
         self._gap_scale = np.repeat([1.0, SETTINGS.velocity_time_share * T] * 2, [n, n, k, k])
         self._basis = hat_functions(len(initial), min(SETTINGS.n_knots, len(initial)))

@@ -135,7 +135,7 @@ def restart_from_perturbed(
     The conditions of optimality also hold at saddles, for instance if everything hangs still and
     changes have no first-order effect. Costs include the error of the end by its multipliers.
     """
-    nodes, driven = motion.nodes, DrivenConditions.of(objective.task)
+    nodes, driven = motion.nodes, DrivenConditions.from_task(objective.task)
     noise = np.random.default_rng(0).uniform(-_PERTURBATION, _PERTURBATION, nodes.acc_K.shape)
     noise[:, driven.max_acceleration == 0.0] = 0.0
     perturbed = driven.clipped((nodes.acc_K + driven.scale * noise)[None], nodes.interval)[0]

@@ -76,7 +76,8 @@ class ReachedPose(Answer):
         parameters: values of the parameters that were chosen.
         tension: string -> tension [N].
         taut: strings that pull.
-        immovable: dynamic coordinates that the driven ones cannot move from this pose, to first order.
+        immovable: dynamic coordinates that the driven ones cannot move from this pose, to first
+            order.
         limits: descriptions of the bounds that keep it from its places; empty if it reaches them.
     """
 

@@ -105,7 +105,7 @@ class TrustRegionSearch:
         # The end is a set of elastic rows here, not a part of the objective.
         self._relaxed = Objective(replace(objective.task, end=None))
         self._u, self._z = objective.program_indices
-        self._max_acceleration = DrivenConditions.of(objective.task).scale[self._u]
+        self._max_acceleration = DrivenConditions.from_task(objective.task).scale[self._u]
         self._solver, self._radius = StageSolver(), SETTINGS.first_radius
         self._small_steps, self._decrease_ratio = SmallSteps(), -np.inf
         self._linear: LinearEnds | None = None

@@ -80,7 +80,7 @@ class PlanReference:
 
 @dataclass(frozen=True, eq=False)
 class ExtendedReference:
-    """Reference states and gains for other active sets than the plan's. Made by :meth:`of`.
+    """Reference states and gains for other active sets than the plan's. Made by :meth:`from_plan`.
 
     Attributes:
         segment: (e,) index of the segment in which the reference is used.
@@ -98,7 +98,7 @@ class ExtendedReference:
     gains: Array
 
     @classmethod
-    def of(cls, reference: PlanReference, window: int) -> ExtendedReference:
+    def from_plan(cls, reference: PlanReference, window: int) -> ExtendedReference:
         """Extensions of every active set of a plan beyond its part of the plan.
 
         Args:

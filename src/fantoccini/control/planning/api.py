@@ -101,7 +101,7 @@ def solve(
         if options.improve and search.arrived:
             distance = min(_POLISHED_DISTANCE, problem.rollouts.stop_distance)
             search.improve(options.improve, distance)
-    return PlanResult.of(search)
+    return PlanResult.from_search(search)
 
 
 def _refuse_unknown(function: str, options: Iterable[str], allowed: Iterable[str]) -> None:

@@ -84,7 +84,7 @@ def load(path: str | Path, problem: Problem, planner: Planner | None = None) -> 
         )
         search = Search(problem, options)
         tree_arrays = {name: arrays[_KEYS.get(name, name)] for name in search.tree.arrays}
-        tree, best = SearchTree.of(tree_arrays, template=search.tree), int(nodes[-1])
+        tree, best = SearchTree.from_arrays(tree_arrays, template=search.tree), int(nodes[-1])
         if not 0 <= best < len(tree) or tree.path(best) != nodes.tolist():
             raise ValueError("its path does not lie in its tree")
         search.restore(
@@ -97,7 +97,7 @@ def load(path: str | Path, problem: Problem, planner: Planner | None = None) -> 
                 random_state=metadata["random"],
                 timed_out=bool(metadata["late"]),
                 refused=int(metadata["refused"]),
-                polished=PolishResult.of(metadata["polished"]),
+                polished=PolishResult.from_list(metadata["polished"]),
             )
         )
     return search

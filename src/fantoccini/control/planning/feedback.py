@@ -200,7 +200,7 @@ class Feedback(ShortRepr):
             R,
             movable,
         )
-        extended = ExtendedReference.of(reference, window)
+        extended = ExtendedReference.from_plan(reference, window)
         return cls(plan, nodes, n_checks, planned_acceleration, A, B, gains, active_sets, extended)
 
     def acceleration(self, k: int, x: State) -> Array:

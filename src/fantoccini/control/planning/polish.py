@@ -75,7 +75,7 @@ class PolishResult:
     violated: tuple[str, ...] = ()
 
     @classmethod
-    def of(cls, data: list[Any] | None) -> PolishResult | None:
+    def from_list(cls, data: list[Any] | None) -> PolishResult | None:
         """The outcome from :attr:`as_list`."""
         if data is None:
             return None

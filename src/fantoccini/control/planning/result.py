@@ -53,7 +53,7 @@ class PlanResult(Answer):
     polished: PolishResult | None
 
     @classmethod
-    def of(cls, search: Search) -> PlanResult:
+    def from_search(cls, search: Search) -> PlanResult:
         """The best plan of a search so far."""
         problem, record = search.problem, search.record
         tree, best = record.tree, record.best
@@ -163,7 +163,7 @@ class PlanResult(Answer):
         Raises:
             FileError: file that is not a plan, or belongs to another problem.
         """
-        return cls.of(archive.load(path, problem, planner))
+        return cls.from_search(archive.load(path, problem, planner))
 
     def grow(self, seconds: float = 1.0, iterations: int | None = None) -> PlanResult:
         """The result of a continued search, for a plan or a better one.
@@ -179,7 +179,7 @@ class PlanResult(Answer):
         with contextlib.suppress(KeyboardInterrupt):
             search = self.search.find_better if self.search.arrived else self.search.find_first
             search(seconds, iterations)
-        return PlanResult.of(self.search)
+        return PlanResult.from_search(self.search)
 
     @cached_property
     def holds(self) -> bool:
@@ -258,7 +258,7 @@ class PlanResult(Answer):
             raise ValueError(f"there is no plan to polish: {self.message}")
         with contextlib.suppress(KeyboardInterrupt):
             self.search.polish(distance, seconds)
-        return PlanResult.of(self.search)
+        return PlanResult.from_search(self.search)
 
     @property
     def reason(self) -> str:

@@ -84,7 +84,7 @@ class SearchTree:
         )
 
     @classmethod
-    def of(
+    def from_arrays(
         cls, arrays: dict[str, Array], template: SearchTree, bound: float = np.inf
     ) -> SearchTree:
         """A tree with the given ``arrays``.

@@ -154,7 +154,7 @@ class Problem:
             self_collision=bounds.own_body,
             free=self.touches.allowed_pairs,
         )
-        self.bounds = DrivenBounds.of(marionette, bounds)
+        self.bounds = DrivenBounds.from_bounds(marionette, bounds)
         self.rollouts = Rollouts(
             marionette,
             clearance,

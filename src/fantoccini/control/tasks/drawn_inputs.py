@@ -40,7 +40,7 @@ class DrivenConditions:
     end: Array
 
     @classmethod
-    def of(cls, task: Task) -> DrivenConditions:
+    def from_task(cls, task: Task) -> DrivenConditions:
         """The driven coordinates of a task."""
         marionette = task.marionette
         table = marionette.coordinates

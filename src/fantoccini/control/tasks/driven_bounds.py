@@ -59,7 +59,7 @@ class DrivenBounds:
         return replace(self, speed=share * self.speed, acceleration=share * self.acceleration)
 
     @classmethod
-    def of(cls, marionette: Marionette, bounds: Bounds) -> DrivenBounds:
+    def from_bounds(cls, marionette: Marionette, bounds: Bounds) -> DrivenBounds:
         """The bounds of a task.
 
         Args:

@@ -171,7 +171,8 @@ def task_of_problem(reading: Reading[ProblemFile]) -> Task:
     partial_bounds += [(("ranges", key), Bounds({key: span})) for key, span in file.ranges.items()]
     for key_path, bounds_of_key in partial_bounds:
         check(
-            key_path, lambda bounds_of_key=bounds_of_key: DrivenBounds.of(marionette, bounds_of_key)
+            key_path,
+            lambda bounds_of_key=bounds_of_key: DrivenBounds.from_bounds(marionette, bounds_of_key),
         )
     check(("reserve",), lambda: RolloutOptions(reserve=file.reserve))
     n_checks = check(("segment",), lambda: _n_checks(file.segment))

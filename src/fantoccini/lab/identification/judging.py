@@ -86,7 +86,7 @@ def column_fits(result: Identified) -> tuple[ColumnFit, ...]:
             z = np.abs(r[present]) / noise
             rms = float(np.sqrt(np.mean(r[present] ** 2)))
             spread = float(MAD_FACTOR * np.median(z) * noise)
-            is_stated = name in result.record.noise or group in result.record.noise
+            is_given = name in result.record.noise or group in result.record.noise
             fits.append(
                 ColumnFit(
                     name,
@@ -95,7 +95,7 @@ def column_fits(result: Identified) -> tuple[ColumnFit, ...]:
                     rms,
                     spread,
                     noise,
-                    is_stated,
+                    is_given,
                     float(np.mean(z <= 2.0)),
                     _neighbour_correlation(result.t, r / noise),
                     int(np.sum(z > OUTLIER_RESIDUAL)),
@@ -109,16 +109,20 @@ def _neighbour_correlation(t: Array, z: Array) -> float:
 
     The mean is not subtracted, so that a bias counts as well.
     """
-    present = np.isfinite(z)
-    t, z = t[present], np.clip(z[present], -OUTLIER_RESIDUAL, OUTLIER_RESIDUAL)
+    is_present = np.isfinite(z)
+    t, z = t[is_present], np.clip(z[is_present], -OUTLIER_RESIDUAL, OUTLIER_RESIDUAL)
     adjacent = (
         np.diff(t) < MAX_NEIGHBOUR_STEP * np.median(np.diff(t))
         if len(t) > 1
         else np.zeros(0, dtype=bool)
     )
-    a, b = z[:-1][adjacent], z[1:][adjacent]
-    norm = float(np.sqrt(np.sum(a**2) * np.sum(b**2)))
-    return float(np.sum(a * b)) / norm if len(a) >= MIN_NEIGHBOURS and norm > 0.0 else float("nan")
+    residuals, next_residuals = z[:-1][adjacent], z[1:][adjacent]
+    norm = float(np.sqrt(np.sum(residuals**2) * np.sum(next_residuals**2)))
+    return (
+        float(np.sum(residuals * next_residuals)) / norm
+        if len(residuals) >= MIN_NEIGHBOURS and norm > 0.0
+        else float("nan")
+    )
 
 
 @dataclass(frozen=True)
@@ -146,8 +150,8 @@ class BiasedJump:
 
 def biased_jumps(result: Identified) -> tuple[BiasedJump, ...]:
     """Coordinates and velocities that jump mostly to one side, the largest mean first."""
-    counts = ~np.isin(result.starts[:-1], result.rejected)
-    jumps = np.clip(result.jumps[counts], -OUTLIER_RESIDUAL, OUTLIER_RESIDUAL)
+    is_counted = ~np.isin(result.starts[:-1], result.rejected)
+    jumps = np.clip(result.jumps[is_counted], -OUTLIER_RESIDUAL, OUTLIER_RESIDUAL)
     table = result.record.marionette.coordinates
     if len(jumps) < 2:
         return ()
@@ -252,5 +256,5 @@ def _doubts(result: Identified) -> Iterator[str]:
 
 
 def _names_text(names: list[str]) -> str:
-    more = len(names) - MAX_LISTED_NAMES
-    return ", ".join(names[:MAX_LISTED_NAMES]) + (f" and {more} more" if more > 0 else "")
+    n_more = len(names) - MAX_LISTED_NAMES
+    return ", ".join(names[:MAX_LISTED_NAMES]) + (f" and {n_more} more" if n_more > 0 else "")
