@@ -16,7 +16,7 @@ from fantoccini.lab.identification.cost import Cost
 from fantoccini.lab.identification.fit import Fit, continuous_point
 from fantoccini.lab.identification.reattaching import reattach
 from fantoccini.lab.identification.record import Record
-from fantoccini.lab.identification.result import Identified
+from fantoccini.lab.identification.result import IdentificationResult
 from fantoccini.lab.identification.search_point import Layout, Weights
 from fantoccini.lab.identification.searching import SearchResult, search
 
@@ -74,7 +74,7 @@ def identify(
     drift: tuple[float, float] = DEFAULT_DRIFT,
     threads: int | None = None,
     progress: OnProgress | None = None,
-) -> Identified:
+) -> IdentificationResult:
     """Estimates a record's unknowns and their errors; names combinations it does not determine.
 
         min  sum rho((y_i - y(t_i - delay; x_s, theta)) / noise)
@@ -162,7 +162,7 @@ def identify(
         cost = replace(cost, weights=Weights(levels, drift, final=True))
         equations = cost.normal_equations(point, result.prediction, fit.jacobians(point))
         seconds = time.perf_counter() - start_time
-        return Identified.from_search(record, cost, result, equations, seconds)
+        return IdentificationResult.from_search(record, cost, result, equations, seconds)
 
 
 def _thin(fit: Fit) -> Fit:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fantoccini.base import Array
-from fantoccini.lab.identification.result import OUTLIER_RESIDUAL, Identified
+from fantoccini.lab.identification.result import OUTLIER_RESIDUAL, IdentificationResult
 from fantoccini.lab.identification.unit_names import channel_units
 
 MAX_NOISE_CORRELATION = 0.2
@@ -76,7 +76,7 @@ class ColumnFit:
         )
 
 
-def column_fits(result: Identified) -> tuple[ColumnFit, ...]:
+def column_fits(result: IdentificationResult) -> tuple[ColumnFit, ...]:
     """Residuals of every column that has samples."""
     channels, units, fits = result.record.channels, channel_units(result.record), []
     for j, (name, group) in enumerate(zip(channels.names, channels.groups, strict=True)):
@@ -148,7 +148,7 @@ class BiasedJump:
         return text
 
 
-def biased_jumps(result: Identified) -> tuple[BiasedJump, ...]:
+def biased_jumps(result: IdentificationResult) -> tuple[BiasedJump, ...]:
     """Coordinates and velocities that jump mostly to one side, the largest mean first."""
     is_counted = ~np.isin(result.starts[:-1], result.rejected)
     jumps = np.clip(result.jumps[is_counted], -OUTLIER_RESIDUAL, OUTLIER_RESIDUAL)
@@ -167,13 +167,13 @@ def biased_jumps(result: Identified) -> tuple[BiasedJump, ...]:
     return tuple(biased)
 
 
-def jump_names(result: Identified) -> tuple[str, ...]:
+def jump_names(result: IdentificationResult) -> tuple[str, ...]:
     """(2 n_vD,) names of the columns of ``jumps``: configurations, then velocities."""
     names = result.record.marionette.coordinates.v_D
     return (*names, *(f"velocity of {name}" for name in names))
 
 
-def prior_shares(result: Identified) -> dict[str, float]:
+def prior_shares(result: IdentificationResult) -> dict[str, float]:
     """Unknown -> share of its prior in the estimate; 1 if the record adds nothing to it."""
     shares = {}
     for name, unknown, deviation in zip(
@@ -186,7 +186,7 @@ def prior_shares(result: Identified) -> dict[str, float]:
     return shares
 
 
-def doubts(result: Identified) -> tuple[str, ...]:
+def doubts(result: IdentificationResult) -> tuple[str, ...]:
     """Reasons to doubt an identification, as sentences; none if the residuals look like noise.
 
     A wrong model that still fits the record is not detected: if a given mass is too large, the
@@ -195,7 +195,7 @@ def doubts(result: Identified) -> tuple[str, ...]:
     return tuple(_doubts(result))
 
 
-def _doubts(result: Identified) -> Iterator[str]:
+def _doubts(result: IdentificationResult) -> Iterator[str]:
     if result.at_bound:
         yield "The delay reached the end of its range; give a better initial value: {about: ...}."
     elif not result.converged:

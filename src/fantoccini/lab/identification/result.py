@@ -66,7 +66,7 @@ class Outlier:
 
 
 @dataclass(frozen=True, eq=False)
-class Identified:
+class IdentificationResult:
     """Estimates of a puppet's unknown numbers from a record.
 
     Attributes:
@@ -147,7 +147,7 @@ class Identified:
         result: SearchResult,
         normal: NormalEquations,
         seconds: float,
-    ) -> Identified:
+    ) -> IdentificationResult:
         """The estimates at the end of a search."""
         fit, weights, F = cost.fit, cost.weights, normal.information()
         deviations, correlation, combinations = error_analysis(
@@ -189,7 +189,7 @@ class Identified:
         )
 
     def __repr__(self) -> str:
-        return f"<Identified {self.record.name or self.record.marionette.name}: {self.summary()}>"
+        return f"<IdentificationResult {self.record.name or self.record.marionette.name}: {self.summary()}>"
 
     def __getitem__(self, name: str) -> float:
         """The estimate of an unknown, by its name."""
