@@ -189,7 +189,8 @@ class IdentificationResult:
         )
 
     def __repr__(self) -> str:
-        return f"<IdentificationResult {self.record.name or self.record.marionette.name}: {self.summary()}>"
+        name = self.record.name or self.record.marionette.name
+        return f"<IdentificationResult {name}: {self.summary()}>"
 
     def __getitem__(self, name: str) -> float:
         """The estimate of an unknown, by its name."""
