@@ -80,7 +80,7 @@ def cost_decrease(program: StageProgram, u: np.ndarray) -> float:
 def test_the_step_is_that_of_the_interior_point_method(arm, shift, bounds):
     task = moving_task(arm, shift, **bounds)
     step, program, solution, objective = step_and_reference(arm, task, predicted_nodes(arm, task))
-    _, u, _ = objective.widened(solution)
+    _, u, _ = objective.expanded(solution)
     assert step.decrease == pytest.approx(cost_decrease(program, solution.u), rel=1e-5)
     if step.solved:  # else it ended where the cost is flat
         assert step.u == pytest.approx(u, abs=0.02 * np.max(np.abs(u)))
@@ -128,7 +128,7 @@ def test_soft_bounds_have_their_price(arm):
     task = moving_task(arm, 0.2, acceleration=20.0, joint={"elbow": (0.2, 1.55)})
     nodes = predicted_nodes(arm, task)
     step, _, solution, objective = step_and_reference(arm, task, nodes)
-    _, u, _ = objective.widened(solution)
+    _, u, _ = objective.expanded(solution)
     assert np.max(np.abs(u - step_and_reference(arm, unbounded_task, nodes)[0].u)) > 1.0
     assert step.u == pytest.approx(u, abs=0.05 * np.max(np.abs(u)))
 
@@ -148,7 +148,7 @@ def test_a_tracked_tension_is_part_of_the_program(arm):
     tension_track = fan.control.Track.tension("hand", 1.2 * tension, weight=1.0)
     task = replace(task, x0=arm.rest(), tracks=[*task.tracks, tension_track])
     step, _, solution, objective = step_and_reference(arm, task, predicted_nodes(arm, task))
-    _, u, _ = objective.widened(solution)
+    _, u, _ = objective.expanded(solution)
     assert np.max(np.abs(u)) > 0.1
     assert step.u == pytest.approx(u, abs=2e-3)
 

@@ -60,7 +60,7 @@ def test_a_search_keeps_its_number_of_steps_where_a_free_duration_gets_shorter(c
     """Otherwise the dynamics would jump where the duration crosses a multiple of the step."""
     steps = TimeSteps(crane, 0.012, max_interval=0.05)
     for interval in np.linspace(0.005, 0.05, 50):
-        assert steps.steps(interval) == (5, pytest.approx(interval / 5))
+        assert steps.split(interval) == (5, pytest.approx(interval / 5))
 
 
 def test_extrapolated_derivatives_are_off_by_the_square_of_the_step(crane, nodes: Nodes):
@@ -74,7 +74,7 @@ def test_extrapolated_derivatives_are_off_by_the_square_of_the_step(crane, nodes
     for dt in (0.025, 0.0125):
         linear = TimeSteps(crane, dt).extrapolated(nodes_and_run[0])
         deviations.append(
-            [np.max(np.abs(getattr(linear, n) - getattr(exact, n))) for n in ("B", "by_c")]
+            [np.max(np.abs(getattr(linear, n) - getattr(exact, n))) for n in ("B", "dend_c")]
         )
     assert np.all(np.array(deviations[1]) < 0.35 * np.array(deviations[0]))
     assert np.max(deviations[1]) < 1e-2
@@ -83,7 +83,7 @@ def test_extrapolated_derivatives_are_off_by_the_square_of_the_step(crane, nodes
 @pytest.mark.parametrize("i", [0, 4])
 def test_ends_of_intervals_by_states_and_accelerations(crane: fan.Marionette, nodes: Nodes, i: int):
     steps = TimeSteps(crane, 0.025)
-    assert steps.steps(nodes.interval) == (4, pytest.approx(0.025))
+    assert steps.split(nodes.interval) == (4, pytest.approx(0.025))
     parts = {name: getattr(nodes, name)[i : i + 2] for name in ("q_D", "v_D", "q_K", "v_K")}
     interval_nodes = Nodes(nodes.table, 0.0, nodes.interval, **parts, acc_K=nodes.acc_K[i : i + 1])
     n_z, k = interval_nodes.n_z, interval_nodes.acc_K.shape[1]

@@ -152,7 +152,7 @@ def test_forces_change_with_motions_as_in_their_rows(cart: fan.Marionette):
     effort = fan.simulate(cart, x0, nodes.inputs(), 0.5)
     values = objective.rows.values(nodes, ends)[0]
     assert values[0] == pytest.approx([effort.effort[name][0] for name in names], rel=1e-8)
-    linear = runs.linearise(nodes, ends).widened(np.array([1]))
+    linear = runs.linearise(nodes, ends).with_constants(np.array([1]))
     assert not runs.reasons
     derivatives = objective.rows.derivatives(nodes, linear)[:, :, k : 2 * k + nodes.n_z + 1]
     z = np.append(linear.dstart_c[:, 1] * load, load)

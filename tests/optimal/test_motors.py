@@ -301,7 +301,7 @@ def test_voltages_change_with_motions_as_in_their_rows(cart: fan.Marionette):
 
     nodes, run = runs.run(initial_nodes)
     ends = runs.ends(nodes, run)
-    linear = runs.linearise(nodes, ends).widened(np.array([1, 2, 3]))
+    linear = runs.linearise(nodes, ends).with_constants(np.array([1, 2, 3]))
     assert not runs.reasons and rows.values(nodes, ends)[0].shape == (N, 6)
     derivatives, differences = (
         rows.derivatives(nodes, linear),

@@ -71,7 +71,7 @@ class ClampedSteps:
             with_tension: whether to compute derivatives of tensions.
         """
         k = self._marionette.coordinates.n_vK
-        m, dt = self._steps.steps(nodes.interval)
+        m, dt = self._steps.split(nodes.interval)
         x = (nodes.q_D[:-1], nodes.v_D[:-1], nodes.q_K[:-1], nodes.v_K[:-1])
         driven = np.eye(2 * k, 3 * k)[None]
         for j in range(m):

@@ -198,7 +198,7 @@ class Objective:
             force: (n_z + 3 T,) multipliers of the gap.
         """
         if len(self._constant_indices):
-            linear = linear.expanded(self._constant_indices)
+            linear = linear.with_constants(self._constant_indices)
         N, n_z, k = linear.B.shape
         H, g, cross = (
             np.zeros((N, k + n_z, k + n_z)),

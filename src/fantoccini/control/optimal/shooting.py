@@ -105,7 +105,7 @@ class StepRuns(EventRuns):
     """
 
     def run(self, nodes: Nodes) -> tuple[Nodes, Trajectory] | None:
-        m, dt = self.steps.steps(nodes.interval)
+        m, dt = self.steps.split(nodes.interval)
         method = TimeStepping(dt=dt, extrapolate=False)
         try:
             run = simulate_uninterrupted(
@@ -123,7 +123,7 @@ class StepRuns(EventRuns):
         return replace(nodes, run=run, **states), run
 
     def ends(self, nodes: Nodes, run: Trajectory) -> Ends:
-        m, _ = self.steps.steps(nodes.interval)
+        m, _ = self.steps.split(nodes.interval)
         tension = np.concatenate([run.tension.values, run.limit_force.values], axis=1)[1::m]
         e = np.zeros((len(nodes), nodes.n_z))
         return Ends(e, tension, tension > 0.0, np.ones(len(nodes), dtype=bool))

@@ -162,8 +162,7 @@ class TouchTerms:
 
         Args:
             nodes, weight, force: see :meth:`add`.
-            z, constant_indices: (N + 1, n_z) and (1 + n_p,) changes of the states and the
-                constants.
+            z, c: (N + 1, n_z) and (1 + n_p,) changes of the states and the constants.
         """
         if not len(self):
             return np.zeros(0), np.zeros(0)

@@ -55,13 +55,13 @@ class PlanReference:
         nodes: (m + 1,) states.
         active: (m + 1, n_strings) bool, the active sets after the nodes.
         durations: (m,) durations of the segments [s].
-        planned: (m, n_vK) accelerations [m/s^2 or rad/s^2].
+        planned_acceleration: (m, n_vK) accelerations [m/s^2 or rad/s^2].
         A, B: (m, n_z, n_z), (m, n_z, n_vK) derivatives of the segments.
         gains: (m, n_vK, n_z) feedback gains.
         P: (m + 1, n_z, n_z) matrices of the cost to go.
         Q: (n_z, n_z) weights of deviations.
         R: weights of the accelerations that may be nonzero.
-        moves: (n_vK,) bool, the accelerations that may be nonzero.
+        movable: (n_vK,) bool, the accelerations that may be nonzero.
     """
 
     marionette: Marionette
@@ -85,8 +85,8 @@ class ExtendedReference:
     Attributes:
         segment: (e,) index of the segment in which the reference is used.
         active: (e, n_strings) bool, the active set.
-        late: (e,) number of segments since the plan left that active set; negative before the plan
-            enters it.
+        offset: (e,) number of segments since the plan left that active set; negative before the
+            plan enters it.
         nodes: (e,) states that replace the plan's.
         gains: (e, n_vK, n_z) feedback gains.
     """

@@ -84,7 +84,7 @@ def solve(
     Args:
         problem: the planning problem.
         options: options of the search.
-        short: the same options as keywords, ``solve(problem, seed=1)``: planner, time_limit,
+        keywords: the same options as keywords, ``solve(problem, seed=1)``: planner, time_limit,
             iterations, improve, confirm, objective, seed.
 
     Raises:

@@ -105,7 +105,7 @@ class Polisher:
 
     Attributes:
         nearest: best rollout that misses the goal, with the lowest merit; None if there is none.
-        late: whether the time ended before a plan reached the goal.
+        timed_out: whether the time ended before a plan reached the goal.
 
     Args:
         problem: the planning problem.

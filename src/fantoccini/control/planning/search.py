@@ -48,7 +48,7 @@ class SearchRecord:
         curve: (seconds, rollouts, duration) of every plan that was the best, in order. A polished
             plan is nearer to the goal, but may be longer than the previous one.
         random_state: state of the random generator, as plain data.
-        late: whether a time limit ended the search, or its last stage.
+        timed_out: whether a time limit ended the search, or its last stage.
         refused: number of plans that reached the goal in the search, not in a second simulation.
         polished: the outcome of polishing the best plan; None if it was not attempted.
     """
@@ -73,7 +73,7 @@ class Search:
     Attributes:
         problem, options: see below.
         objective: cost of plans: that of the options, otherwise that of the problem.
-        tree, best, tried, seconds, curve, late, refused, polished: see :class:`SearchRecord`.
+        tree, best, tried, seconds, curve, timed_out, refused, polished: see :class:`SearchRecord`.
         fault: reason why the last plan was refused; empty if none was.
 
     Args:

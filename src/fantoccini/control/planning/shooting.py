@@ -121,7 +121,7 @@ class Shooting:
     Attributes:
         problem: the planning problem.
         n_checks: number of checks in a segment.
-        moves: (n_m,) indices of driven velocities that may be varied.
+        movable: (n_m,) indices of driven velocities that may be varied.
 
     Args:
         problem: see above.

@@ -37,7 +37,7 @@ class Push:
         prop: name of the prop.
         pusher: name of the body that pushes; empty if none may touch the prop.
         start_position: (3,) position of the prop at the start [m].
-        place: (3,) position of the prop at the goal [m].
+        goal_position: (3,) position of the prop at the goal [m].
         waypoints: goals for a point of the pusher: in contact with the prop at its place, and
             behind the prop at the start.
         link: index of the prop's link.

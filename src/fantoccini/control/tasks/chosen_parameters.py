@@ -27,7 +27,7 @@ class ChosenParameters:
     Attributes:
         names: names of the parameters.
         low, high: (n,) their lowest and highest values.
-        own_values: (n,) the puppet's own values.
+        default_values: (n,) the puppet's own values.
 
     Args:
         marionette, x0: the puppet and its start.

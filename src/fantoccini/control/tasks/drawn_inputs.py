@@ -25,7 +25,7 @@ class DrivenConditions:
     """The driven coordinates that move, their start, bounds and end.
 
     Attributes:
-        moves: (k,) indices of the driven coordinates that are not held.
+        movable: (k,) indices of the driven coordinates that are not held.
         start: (2, n_vK) numbers and velocities at the start.
         max_acceleration: (n_vK,) largest accelerations.
         low, high: (2, n_vK) bounds of numbers and velocities.

@@ -22,7 +22,7 @@ class Circle:
     """A circle as a function of time, starting at its point nearest to a given place.
 
     Attributes:
-        centre, first, second: (3,) centre, and unit vectors of the plane's axes [m, 1, 1].
+        centre, e_1, e_2: (3,) centre, and unit vectors of the plane's axes [m, 1, 1].
         radius: radius [m].
         turns: number of turns; negative: the other way about the normal.
         start, end: times at which it begins and ends [s]; it rests before and after.

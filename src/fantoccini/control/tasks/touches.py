@@ -63,7 +63,7 @@ class TouchRules:
         marionette: the puppet.
         required: pairs that must touch at the goal.
         may_touch: (n_pairs,) bool, the pairs of ``marionette.contacts`` that may touch.
-        touch_of: (n_pairs,) index in ``required`` of every pair; -1 for other pairs.
+        touch_index: (n_pairs,) index in ``required`` of every pair; -1 for other pairs.
 
     Args:
         marionette: the puppet.

@@ -26,7 +26,7 @@ class NormalEquations:
 
     Attributes:
         H: (S, m, m) blocks of the states.
-        next: (S - 1, m, m) blocks between a state and the next.
+        coupling: (S - 1, m, m) blocks between a state and the next.
         border: (S, m, P) blocks between states and parameters.
         T: (P, P) block of the parameters.
         g, h: (S, m), (P,) gradient of the cost.

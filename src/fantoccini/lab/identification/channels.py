@@ -35,8 +35,8 @@ class ChannelValues:
 
     Attributes:
         value: (N, n_c) values.
-        by_D: (N, n_c, n_vD) derivatives by the dynamic configuration.
-        by_K: (N, n_c, n_vK) derivatives by the driven configuration.
+        J_D: (N, n_c, n_vD) derivatives by the dynamic configuration.
+        J_K: (N, n_c, n_vK) derivatives by the driven configuration.
         J_p: (N, n_c, n_p) derivatives by parameters at fixed configurations; None if all are 0.
         frames: (N, n_markers, 3, 3) axes of the markers' bodies.
     """

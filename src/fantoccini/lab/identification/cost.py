@@ -36,7 +36,7 @@ class Cost:
 
     Attributes:
         fit: the record and its model.
-        first: a point with the guess of the first state.
+        first_guess: a point with the guess of the first state.
         weights: weights of residuals and jumps.
         trusted: (S,) bool, the segments that count, with the jumps after them; all by default.
     """

@@ -107,7 +107,7 @@ class Record(ShortRepr):
         start: values for ``rest`` of the pose in which the puppet hangs when the record
             begins.
         name: name of the record.
-        marks: unknown numbers of ``puppet_file``.
+        file_numbers: unknown numbers of ``puppet_file``.
         puppet_file: the puppet's file, for writing it with the estimates.
 
     Raises:

@@ -16,7 +16,7 @@ class Layout:
     Attributes:
         parameters: indices in p of unknown parameters.
         offsets: indices in v_K of driven coordinates with an unknown offset.
-        places: indices of markers with an unknown position.
+        marker_indices: indices of markers with an unknown position.
         delay: whether the delay is unknown.
     """
 
@@ -41,7 +41,7 @@ class Point:
     Attributes:
         q_D, v_D: (S, ...) first states of the segments.
         theta: (P,) unknowns.
-        held: (S, n_rows) bool, the active set of the first states.
+        active_rows: (S, n_rows) bool, the active set of the first states.
     """
 
     q_D: Array

@@ -64,7 +64,7 @@ class Candidate:
         combinations: combinations of numbers that it would not determine.
         worst: largest deviation relative to the number's size (E-optimality's measure is its
             square); infinite if a number is not determined.
-        refused: reason why the motion cannot be simulated; empty if it can.
+        failure: reason why the motion cannot be simulated; empty if it can.
     """
 
     name: str
