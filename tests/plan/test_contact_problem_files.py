@@ -83,7 +83,9 @@ def test_a_file_with_a_touch_equals_python(folder):
 def test_a_file_with_a_push(folder):
     problem = fan.control.load_problem(write_problem(folder, PUSH))
     assert problem.push.prop == "crate" and problem.push.pusher == "hand"
-    assert problem.push.goal_position - problem.push.start_position == pytest.approx([0.1, 0.0, 0.0])
+    assert problem.push.goal_position - problem.push.start_position == pytest.approx(
+        [0.1, 0.0, 0.0]
+    )
     assert fan.control.solve(problem, seed=0, time_limit=60.0)
     short_hold = fan.control.load_problem(write_problem(folder, PUSH + "hold: 0.25\n"))
     assert short_hold.hold == 0.25 and short_hold.fingerprint != problem.fingerprint
