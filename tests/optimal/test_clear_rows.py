@@ -64,22 +64,22 @@ def lowering(ball_arm: fan.Marionette, clearance: float | None = None) -> fan.Ta
 
 def test_clearances_of_all_parts_are_those_of_the_whole():
     puppet = fan.puppets.marionette_bar()
-    whole = Clearance(
+    whole_clearance = Clearance(
         puppet,
         [{"name": "b", "type": "box", "size": [0.2, 0.2, 0.2], "at": [0.3, 0, 0.5]}],
         self_collision=True,
     )
-    parts = whole.parts()
+    part_clearances = whole_clearance.parts()
     rest = puppet.rest()
     random = np.random.default_rng(1)
     q_D = np.repeat(rest.q_D[None], 50, axis=0)
     scalars = [q for q, _ in puppet.coordinates.scalars_D]
     q_D[:, scalars] += 0.3 * random.normal(size=(50, len(scalars)))
-    part_distances = np.array([part.at(q_D, rest.q_K) for part in parts.values()])
-    assert len(parts) > 5 and np.min(part_distances, axis=0) == pytest.approx(
-        whole.at(q_D, rest.q_K)
+    part_distances = np.array([part.at(q_D, rest.q_K) for part in part_clearances.values()])
+    assert len(part_clearances) > 5 and np.min(part_distances, axis=0) == pytest.approx(
+        whole_clearance.at(q_D, rest.q_K)
     )
-    assert any(name.startswith("string ") for name in parts)
+    assert any(name.startswith("string ") for name in part_clearances)
 
 
 def test_obstacles_of_a_task_count_as_those_of_the_file_do(ball_arm: fan.Marionette):

@@ -218,8 +218,8 @@ drives:
 def test_coordinates_without_a_force_are_refused(arm: fan.Marionette, tmp_path):
     x0 = arm.rest()
 
-    def task(force: dict, **more) -> fan.Task:
-        return fan.Task(arm, x0, 1.0, [], bounds=fan.control.Bounds(force=force), **more)
+    def task(force: dict, **options) -> fan.Task:
+        return fan.Task(arm, x0, 1.0, [], bounds=fan.control.Bounds(force=force), **options)
 
     with pytest.raises(fan.errors.UnknownNameError, match=r"hand\.length"):
         fan.optimise(task({"hand.lenght": (-1.0, 1.0)}))

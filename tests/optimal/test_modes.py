@@ -213,9 +213,11 @@ def test_the_seed_decides_and_threads_do_not(small_exploration: None):
 
 
 def test_the_best_of_several_explorations_is_kept(small_exploration: None):
-    single, several = (fan.optimise(elbow_straight(n), iterations=3) for n in (1, 3))
-    assert several.cost <= single.cost
-    assert several.iterations > single.iterations
+    one_exploration, three_explorations = (
+        fan.optimise(elbow_straight(n), iterations=3) for n in (1, 3)
+    )
+    assert three_explorations.cost <= one_exploration.cost
+    assert three_explorations.iterations > one_exploration.iterations
 
 
 def test_a_free_duration_ends_where_it_is_best():

@@ -35,14 +35,14 @@ def state_after(arm: fan.Marionette, mpc: fan.MPC | None, x0: fan.State, n: int)
 
 
 def holding_mpc(arm: fan.Marionette, **options: object) -> fan.MPC:
-    place = tip_position(arm, arm.rest())
-    return fan.MPC(arm, {("lower", TIP_IN_LOWER): place}, horizon=0.6, nodes=30, **options)
+    target = tip_position(arm, arm.rest())
+    return fan.MPC(arm, {("lower", TIP_IN_LOWER): target}, horizon=0.6, nodes=30, **options)
 
 
 def test_a_kicked_arm_settles_earlier_with_feedback(arm):
-    x0, place = kicked_state(arm, 2.0), tip_position(arm, arm.rest())
+    x0, target = kicked_state(arm, 2.0), tip_position(arm, arm.rest())
     distances = [
-        np.linalg.norm(tip_position(arm, state_after(arm, mpc, x0, 75)) - place)
+        np.linalg.norm(tip_position(arm, state_after(arm, mpc, x0, 75)) - target)
         for mpc in (holding_mpc(arm), None)
     ]
     assert distances[0] < 2e-3
@@ -97,11 +97,11 @@ def test_missed_deadlines_and_skipped_intervals_are_counted(arm):
 
 def test_a_task_advances_with_time(arm):
     """A path is followed beyond the horizon; tracks that do not count yet are allowed."""
-    place = tip_position(arm, arm.rest())
+    target = tip_position(arm, arm.rest())
 
     def path(t: float) -> np.ndarray:
         s = min(max(t, 0.0), 1.0)
-        return place + np.array([0.05 * s**3 * (10.0 + s * (6.0 * s - 15.0)), 0.0, 0.0])
+        return target + np.array([0.05 * s**3 * (10.0 + s * (6.0 * s - 15.0)), 0.0, 0.0])
 
     late = fan.control.Track.velocity("*", 0.0, weight=1e-3, start=1.0)
     tracks = [fan.control.Track.point("lower", path, at=TIP_IN_LOWER, weight=1e4), late]

@@ -222,15 +222,15 @@ def test_gains_bring_a_disturbed_arm_back(arm: fan.Marionette, round_trip: fan.c
         stepper = arm.stepper(pushed)
         distances = []
         for i in range(len(nodes)):
-            x, there = stepper.state, nodes
+            x = stepper.state
             acc = nodes.acc_K[i].copy()
             if feedback:
                 z = np.concatenate(
                     [
-                        x.q_D - there.q_D[i],
-                        x.v_D - there.v_D[i],
-                        x.q_K - there.q_K[i],
-                        x.v_K - there.v_K[i],
+                        x.q_D - nodes.q_D[i],
+                        x.v_D - nodes.v_D[i],
+                        x.q_K - nodes.q_K[i],
+                        x.v_K - nodes.v_K[i],
                     ]
                 )
                 acc += K[i] @ z
@@ -315,8 +315,8 @@ def test_tasks_without_derivatives_are_refused(small_crane: fan.Marionette):
         fan.optimise(fan.Task(winch, winch.rest(), 1.0, []))
     pushed = x0.replace(v_K=np.array([0.0, 0.1]))
     with pytest.raises(fan.errors.StateError, match=r"line\.length is held, but moves"):
-        held = fan.control.Bounds(held=("line.length",))
-        fan.optimise(fan.Task(small_crane, pushed, 1.0, [], bounds=held))
+        bounds = fan.control.Bounds(held=("line.length",))
+        fan.optimise(fan.Task(small_crane, pushed, 1.0, [], bounds=bounds))
 
 
 @pytest.mark.parametrize(

@@ -102,8 +102,8 @@ def test_a_free_direction_does_not_count():
 
 def test_two_strings_lower_a_bob_to_the_intersection_of_their_circles():
     between = fan.loads(BETWEEN_YAML)
-    place = np.array([0.3, 0.0, -0.7])
-    poses = fan.reach(between, {"bob": place})
+    target_position = np.array([0.3, 0.0, -0.7])
+    poses = fan.reach(between, {"bob": target_position})
     assert poses
     lengths = [np.hypot(1.3, 0.7), np.hypot(0.7, 0.7)]
     np.testing.assert_allclose(poses.q_K[0], lengths, atol=1e-6)
@@ -131,15 +131,17 @@ def test_contradictory_places_are_weighted():
 def test_a_target_without_weight_is_not_reached():
     """Weights choose the pose; its success depends on distance and bounds."""
     between = fan.loads(BETWEEN_YAML)
-    place = np.array([1.4, 0.0, -0.7])
-    pose = fan.reach(between, {"bob": place}, weights={"bob": 1e-12})[0]
+    target_position = np.array([1.4, 0.0, -0.7])
+    pose = fan.reach(between, {"bob": target_position}, weights={"bob": 1e-12})[0]
     assert not pose and pose.distance > 0.1
     rod = fan.loads(ROD_YAML)
     tip = ("rod", (0.0, 0.0, -1.0))
     held = fan.control.Bounds(joint={"pin": (0.5, 0.8)})
-    place = [np.sin(0.85), 0.0, -np.cos(0.85)]
+    target_position = [np.sin(0.85), 0.0, -np.cos(0.85)]
     for single_pass in (False, True):
-        poses = fan.reach(rod, {tip: place}, bounds=held, single_pass=single_pass, tolerance=0.06)
+        poses = fan.reach(
+            rod, {tip: target_position}, bounds=held, single_pass=single_pass, tolerance=0.06
+        )
         assert not poses or poses.q_D[0, 0] <= 0.8 + 1e-6
 
 
@@ -164,8 +166,8 @@ def test_a_path_is_followed_pose_by_pose(marionette):
 def test_beside_its_ends_a_bob_hangs_from_one_string(slack):
     """Beyond x = 1 the left string would push: both pull between the ends only."""
     between = fan.loads(BETWEEN_YAML)
-    place = np.array([1.4, 0.0, -0.7])
-    pose = fan.reach(between, {"bob": place}, slack=slack)[0]
+    target_position = np.array([1.4, 0.0, -0.7])
+    pose = fan.reach(between, {"bob": target_position}, slack=slack)[0]
     assert not pose
     if slack:
         assert pose.state.q_D == pytest.approx([1.0, -0.7], abs=1e-5)
@@ -178,12 +180,12 @@ def test_beside_its_ends_a_bob_hangs_from_one_string(slack):
 
 def test_an_arm_reaches_up_to_its_length():
     rod = fan.loads(ROD_YAML)
-    for place in ([1.5, 0.0, -0.8], [0.4, 0.0, -0.2]):
-        pose = fan.reach(rod, {("rod", (0, 0, -1.0)): place})[0]
-        size = np.hypot(place[0], place[2])
+    for target_position in ([1.5, 0.0, -0.8], [0.4, 0.0, -0.2]):
+        pose = fan.reach(rod, {("rod", (0, 0, -1.0)): target_position})[0]
+        size = np.hypot(target_position[0], target_position[2])
         assert pose.distance == pytest.approx(abs(size - 1.0), abs=1e-6)
         tip = rod.pose(pose.state, "rod")[:3, 2] * -1.0
-        np.testing.assert_allclose(tip, np.array(place) / size, atol=1e-4)
+        np.testing.assert_allclose(tip, np.array(target_position) / size, atol=1e-4)
         assert pose.limits[0].startswith("no driven coordinate moves rod any further")
 
 
@@ -223,15 +225,17 @@ def test_the_marionettes_hand_is_as_near_as_with_scipy(marionette):
     moved_names = ["hand_right.x", "hand_right.length"]
     columns = [marionette.coordinates.q_K.index(name) for name in moved_names]
     held = tuple(name for name in marionette.coordinates.v_K if name not in moved_names)
-    place = hand_position(marionette, x) + np.array([0.0, 0.15, 0.05])
-    pose = fan.reach(marionette, {HAND: place}, x, bounds=fan.control.Bounds(held=held))[0]
+    target_position = hand_position(marionette, x) + np.array([0.0, 0.15, 0.05])
+    pose = fan.reach(marionette, {HAND: target_position}, x, bounds=fan.control.Bounds(held=held))[
+        0
+    ]
     assert pose.status is fan.control.AnswerStatus.OUT_OF_REACH and pose.distance > 0.05
 
     def distance_by(u: np.ndarray) -> float:
         q_K = x.q_K.copy()
         q_K[columns] = u
         hanging = marionette.rest(x.replace(q_K=q_K))
-        return float(np.linalg.norm(hand_position(marionette, hanging) - place))
+        return float(np.linalg.norm(hand_position(marionette, hanging) - target_position))
 
     options = {"xatol": 1e-4, "fatol": 1e-8, "maxfev": 150}
     best = minimize(distance_by, x.q_K[columns], method="Nelder-Mead", options=options)

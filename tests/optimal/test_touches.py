@@ -72,10 +72,10 @@ def least_cost(times: np.ndarray, places: np.ndarray, duration: float = T) -> fl
         np.vstack([position_gains(np.array([duration])), np.full(N, h)]),
     )
     total = 0.0
-    for place, end in zip(np.transpose(places), ((1.0, 0.0), (0.0, 0.0)), strict=True):
+    for coordinate_values, end in zip(np.transpose(places), ((1.0, 0.0), (0.0, 0.0)), strict=True):
         H, n = h * np.eye(N) + END_WEIGHT * E.T @ E, len(A)
         system = np.block([[H, A.T], [A, np.zeros((n, n))]])
-        a = np.linalg.solve(system, np.concatenate([END_WEIGHT * E.T @ end, place]))[:N]
+        a = np.linalg.solve(system, np.concatenate([END_WEIGHT * E.T @ end, coordinate_values]))[:N]
         total += 0.5 * h * a @ a + 0.5 * END_WEIGHT * np.sum((E @ a - end) ** 2)
     return total
 

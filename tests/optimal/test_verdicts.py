@@ -137,9 +137,9 @@ def test_an_end_that_no_input_reaches_is_explained():
     """The load hangs from one point, and has no control about it."""
     crane = fan.puppets.crane()
     x0, end = crane.rest(), crane.rest({"trolley": 0.3})
-    turn = np.zeros(len(end.v_D))
-    turn[5] = 2e-4
-    end = end.replace(q_D=crane.integrate(end.q_D, turn))
+    rotation_change = np.zeros(len(end.v_D))
+    rotation_change[5] = 2e-4
+    end = end.replace(q_D=crane.integrate(end.q_D, rotation_change))
     bounds = fan.control.Bounds(acceleration=1.0, held=("hoist.length",))
     best = fan.optimise(
         fan.Task(crane, x0, 3.0, [], fan.control.Smooth(1e-3, 0.0), bounds, end=end, interval=0.1),

@@ -108,8 +108,8 @@ def test_a_plan_with_too_weak_drives_is_not_confirmed(boxes, monkeypatch, status
 def test_ctrl_c_while_a_plan_is_confirmed_ends_the_search(boxes, monkeypatch):
     """A run stopped by Ctrl-C says nothing about the plan, and is not refused."""
     full_run = fan.simulate(boxes.marionette, boxes.start, t_end=0.1)
-    stopped = dataclasses.replace(full_run, status=fan.Status.STOPPED)
-    monkeypatch.setattr(plan_path, "simulate", lambda *_, **__: stopped)
+    stopped_run = dataclasses.replace(full_run, status=fan.Status.STOPPED)
+    monkeypatch.setattr(plan_path, "simulate", lambda *_, **__: stopped_run)
     plan = solve(boxes, seed=0, time_limit=60.0)
     assert not plan and plan.refused == 0 and plan.status is fan.control.AnswerStatus.APPROXIMATE
 

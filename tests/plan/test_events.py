@@ -18,9 +18,9 @@ from fantoccini.motion import State
 def drop_plan(lift: float, segments: int) -> PlanResult:
     """The 2D arm is released above its rest, with its string's end at rest: one catch."""
     arm = fan.puppets.arm2d()
-    rest = arm.rest({"hand.length": 0.8})
-    start = rest.replace(
-        q_D=rest.q_D + np.array([lift, -0.3 * lift]), taut=np.zeros_like(rest.taut)
+    resting = arm.rest({"hand.length": 0.8})
+    start = resting.replace(
+        q_D=resting.q_D + np.array([lift, -0.3 * lift]), taut=np.zeros_like(resting.taut)
     )
     duration = 0.1 * segments
     run = fan.simulate(

@@ -219,10 +219,10 @@ def test_points_inside_overlap_even_if_aligned_with_edges(bead):
 
     legs = ([0, -0.1, 0], [0.4, 0.1, THICKNESS]), ([0, -0.1, 0], [THICKNESS, 0.1, 0.4])
     gap = np.min([distance_outside(places, *(np.array(c) for c in leg)) for leg in legs], axis=0)
-    within = gap < 1e-12
+    is_inside = gap < 1e-12
     distance = distances(bead, mesh_shape("ell"), places)
-    assert np.all(distance[within] < 0.0) and np.count_nonzero(within) > 100
-    np.testing.assert_allclose(distance[~within], gap[~within] - 1e-3, atol=1e-9)
+    assert np.all(distance[is_inside] < 0.0) and np.count_nonzero(is_inside) > 100
+    np.testing.assert_allclose(distance[~is_inside], gap[~is_inside] - 1e-3, atol=1e-9)
 
 
 def test_hollows_are_free_and_open_meshes_have_no_inside(bead):

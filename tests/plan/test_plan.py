@@ -190,9 +190,13 @@ def test_an_end_of_the_search_returns_the_nearest():
             raise KeyboardInterrupt
         return Explore()(tree, rollouts, rng)
 
-    stopped = raising_plan(planner=interrupting_planner, tolerance=1e-9)
-    assert not stopped and stopped.status is fan.control.AnswerStatus.APPROXIMATE
-    assert stopped.distance == stopped.tree.distance.min() < stopped.tree.distance[0]
+    interrupted_plan = raising_plan(planner=interrupting_planner, tolerance=1e-9)
+    assert not interrupted_plan and interrupted_plan.status is fan.control.AnswerStatus.APPROXIMATE
+    assert (
+        interrupted_plan.distance
+        == interrupted_plan.tree.distance.min()
+        < interrupted_plan.tree.distance[0]
+    )
     out_of_time = raising_plan(tolerance=1e-9, time_limit=0.2, iterations=10**9)
     assert out_of_time.status is fan.control.AnswerStatus.OUT_OF_TIME and not out_of_time
     assert out_of_time.tried < 10**6, "work, not seconds: a busy machine does less of it"
@@ -251,8 +255,8 @@ def test_rollout_options_out_of_range_are_refused(options, message):
 
 def test_a_fixed_coordinate_does_not_mislead():
     speeds = {"hand.x": 0.5, "hand.length": 0.5}
-    tried = [raising_plan(seed, **bounds_option(speed=speeds)).tried for seed in range(5)]
-    assert np.median(tried) <= 1.5 * np.median([raising_plan(seed).tried for seed in range(5)])
+    counts = [raising_plan(seed, **bounds_option(speed=speeds)).tried for seed in range(5)]
+    assert np.median(counts) <= 1.5 * np.median([raising_plan(seed).tried for seed in range(5)])
 
 
 def test_the_whole_event_driven_run_is_checked(plan_among_boxes):

@@ -109,12 +109,14 @@ class Count:
         for method, statuses in other.by_status.items():
             self.by_status.setdefault(method, Counter()).update(statuses)
         for method, measures in other.worst.items():
-            own = self.worst.setdefault(method, {})
+            own_worst = self.worst.setdefault(method, {})
             for name, value in measures.items():
-                own[name] = max(own.get(name, 0.0), value)
+                own_worst[name] = max(own_worst.get(name, 0.0), value)
         self.failures.update(other.failures)
-        for what, commands in other.commands.items():
-            self.commands[what] = sorted([*self.commands.get(what, []), *commands])[:MAX_COMMANDS]
+        for message, commands in other.commands.items():
+            self.commands[message] = sorted([*self.commands.get(message, []), *commands])[
+                :MAX_COMMANDS
+            ]
 
 
 def case_command(name: str, seed: int, method: str, i: int | None = None) -> str:
@@ -185,7 +187,7 @@ def _draw_starts(rng: np.random.Generator, marionette: fan.Marionette, n: int) -
 
 def run_crowd(crowd: Crowd) -> fan.Trajectories:
     """The runs of a crowd, on one thread."""
-    every = {} if isinstance(crowd.method, fan.Event) else {"save_every": STEPS_PER_SAMPLE}
+    save_options = {} if isinstance(crowd.method, fan.Event) else {"save_every": STEPS_PER_SAMPLE}
     times = np.linspace(0.0, crowd.t_end, 9) if isinstance(crowd.method, fan.Event) else None
     start_time = time.process_time()
 
@@ -203,7 +205,7 @@ def run_crowd(crowd: Crowd) -> fan.Trajectories:
         save_at=times,
         threads=1,
         progress=watch,
-        **every,
+        **save_options,
     )
 
 
@@ -294,10 +296,10 @@ def count_crowd(name: str, seed: int, method: str) -> Count:
         energy_lost = np.nan_to_num(runs.ledger["friction"]) + np.nan_to_num(runs.ledger["impact"])
         touched = int(np.sum(np.max(energy_lost, axis=1) > 0.0))
         run_count = Count(len(runs.status), touched, {method: names}, {method: worst})
-        for what, is_broken in failures.items():
+        for message, is_broken in failures.items():
             run_indices = first + np.flatnonzero(is_broken)
             if len(run_indices):
-                key = f"{name}, {method}: {what}"
+                key = f"{name}, {method}: {message}"
                 run_count.failures[key] = len(run_indices)
                 run_count.commands[key] = [
                     case_command(name, seed, method, int(i)) for i in run_indices[:MAX_COMMANDS]
@@ -317,8 +319,8 @@ def count_throws(name: str, seed: int) -> Count:
         run_count = Count(
             1, int(result.touched), {"live": Counter([result.status])}, {"live": worst}
         )
-        for what in result.broken:
-            key = f"{name}, live: {what}"
+        for message in result.broken:
+            key = f"{name}, live: {message}"
             run_count.failures[key] = 1
             run_count.commands[key] = [case_command(name, seed, "live", i)]
         count.merge(run_count)
@@ -337,7 +339,7 @@ def check_single_run(name: str, seed: int, method: str, i: int) -> list[str]:
     runs = run_crowd(single_crowd)
     failures, worst = broken_properties(single_crowd, runs)
     print(Status(int(runs.status[0])).name, worst)
-    return [what for what, is_broken in failures.items() if is_broken[0]]
+    return [message for message, is_broken in failures.items() if is_broken[0]]
 
 
 def crowd_cases(names: list[str], seed: int, shares: dict[str, float]):
@@ -394,9 +396,9 @@ def soak(
                     try:
                         count.merge(future.result())
                     except Exception as error:  # A crash of a worker is a failure to report.
-                        what = f"{type(error).__name__}: {str(error)[:200]}"
-                        count.failures[what] += 1
-                        count.commands.setdefault(what, []).append(case_command(*case))
+                        message = f"{type(error).__name__}: {str(error)[:200]}"
+                        count.failures[message] += 1
+                        count.commands.setdefault(message, []).append(case_command(*case))
                         if type(error).__name__ == "BrokenProcessPool":
                             return count
                 if progress:
@@ -451,8 +453,8 @@ def main() -> int:
         options.out.write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
         print(f"{count.runs} runs in {seconds} s")
     print(f"{count.touched} of {count.runs} touched", count.by_status, count.worst)
-    for what, k in count.failures.most_common():
-        print(f"{k:>8}  {what}\n{'':10}{count.commands[what][0]}")
+    for message, k in count.failures.most_common():
+        print(f"{k:>8}  {message}\n{'':10}{count.commands[message][0]}")
     return int(bool(count.failures))
 
 

@@ -287,14 +287,14 @@ def main() -> int:
     parser.add_argument("--cases", type=int, default=20, help="of each puppet (default 20)")
     parser.add_argument("--first", type=int, default=0, help="seed of the first puppet")
     options = parser.parse_args()
-    total, failed, begun = collections.Counter(), 0, time.perf_counter()
+    total, failed, start_time = collections.Counter(), 0, time.perf_counter()
     for puppet in range(options.first, options.first + options.puppets):
         counts, failures = try_cases(puppet, options.cases)
         total, failed = total + counts, failed + len(failures)
         print(f"puppet {puppet}: {dict(counts)}", *failures, sep="\n  ", flush=True)
-    print(f"{total.total()} cases, {time.perf_counter() - begun:.0f} s")
-    for what, n in total.most_common():
-        print(f"{n:>6}  {what}")
+    print(f"{total.total()} cases, {time.perf_counter() - start_time:.0f} s")
+    for message, n in total.most_common():
+        print(f"{n:>6}  {message}")
     return int(failed > 0)
 
 

@@ -92,9 +92,9 @@ class Tally:
         self.by_status[result.method][result.status] += 1
         for name in ("violation", "gap", "residual"):
             self._update_worst(result.method, name, getattr(result, name))
-        for what in result.broken:
+        for message in result.broken:
             case = (result.seed, result.command)
-            self._add_failure(f"{result.method}: {what}", result.puppet, 1, [case])
+            self._add_failure(f"{result.method}: {message}", result.puppet, 1, [case])
 
     def merge(self, other: Tally) -> None:
         """Add all runs of another tally."""
@@ -104,30 +104,34 @@ class Tally:
             self.by_status[method] += other.by_status[method]
             for name, value in other.worst[method].items():
                 self._update_worst(method, name, value)
-        for (what, puppet), failure in other.failures.items():
-            self._add_failure(what, puppet, failure.runs, failure.cases)
+        for (message, puppet), failure in other.failures.items():
+            self._add_failure(message, puppet, failure.runs, failure.cases)
 
-    def add_lost(self, what: str, pieces) -> None:
+    def add_lost(self, message: str, pieces) -> None:
         """Add pieces (puppet, first seed, number) with lost runs."""
         module = "PYTHONPATH=tests .venv/bin/python -m properties.soak --workers 1"
         for puppet, first, n in pieces:
             runs = len(METHODS) * n
             command = f"{module} --only {puppet} --seed {first} --runs {runs}"
-            self._add_failure(what, puppet, runs, [(first, command)])
+            self._add_failure(message, puppet, runs, [(first, command)])
 
     def failures_by_kind(self) -> list[tuple[str, int, list[tuple[str, Failure]]]]:
         """(broken property, runs, [(puppet, failure), ...]), the most frequent first."""
         by_kind = collections.defaultdict(list)
-        for (what, puppet), failure in self.failures.items():
-            by_kind[what].append((puppet, failure))
+        for (message, puppet), failure in self.failures.items():
+            by_kind[message].append((puppet, failure))
         kinds = [
-            (what, sum(f.runs for _, f in by_puppet), sorted(by_puppet, key=lambda x: -x[1].runs))
-            for what, by_puppet in by_kind.items()
+            (
+                message,
+                sum(f.runs for _, f in by_puppet),
+                sorted(by_puppet, key=lambda x: -x[1].runs),
+            )
+            for message, by_puppet in by_kind.items()
         ]
         return sorted(kinds, key=lambda kind: -kind[1])
 
-    def _add_failure(self, what: str, puppet: str, runs: int, cases: list) -> None:
-        self.failures.setdefault((what, puppet), Failure()).add(runs, cases)
+    def _add_failure(self, message: str, puppet: str, runs: int, cases: list) -> None:
+        self.failures.setdefault((message, puppet), Failure()).add(runs, cases)
 
     def _update_worst(self, method: str, name: str, value: float) -> None:
         self.worst[method][name] = max(self.worst[method][name], value)
@@ -212,8 +216,8 @@ def soak(
                 )
                 broke = any(isinstance(f.exception(), BrokenProcessPool) for f in done)
                 if broke or not done:
-                    what = "a worker died" if broke else f"no answer within {REPORT_TIMEOUT} s"
-                    tally.add_lost(what, pieces_by_future.values())
+                    message = "a worker died" if broke else f"no answer within {REPORT_TIMEOUT} s"
+                    tally.add_lost(message, pieces_by_future.values())
                     for process in multiprocessing.active_children():
                         process.kill()
                     break
@@ -246,13 +250,13 @@ def report(tally: Tally, names: list[str], seed: int, seconds: float) -> dict:
         "worst_ledger_residual": {m: tally.worst[m]["residual"] for m in METHODS},
         "failures": [
             {
-                "what": what,
+                "what": message,
                 "puppet": puppet,
                 "runs": failure.runs,
                 "seeds": [seed for seed, _ in failure.cases],
                 "command": failure.cases[0][1],
             }
-            for what, _, by_puppet in tally.failures_by_kind()
+            for message, _, by_puppet in tally.failures_by_kind()
             for puppet, failure in by_puppet
         ],
         "seconds": round(seconds, 1),
@@ -301,9 +305,9 @@ def main() -> int:
     results = report(tally, names, options.seed, time.perf_counter() - start)
     options.out.write_text(json.dumps(results, indent=1) + "\n", encoding="utf-8")
     Console().print_json(json.dumps({k: v for k, v in results.items() if k != "failures"}))
-    for what, runs, results in tally.failures_by_kind():
+    for message, runs, results in tally.failures_by_kind():
         puppet, failure = results[0]
-        print(f"{runs:>8}  {what} (of {len(results)} puppets, {failure.runs} {puppet})")
+        print(f"{runs:>8}  {message} (of {len(results)} puppets, {failure.runs} {puppet})")
         print(f"{'':10}{failure.cases[0][1]}")
     return int(bool(tally.failures))
 

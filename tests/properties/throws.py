@@ -66,7 +66,9 @@ def throw_puppets(name: str, seed: int, i: int) -> ThrowResult | None:
             if not all(np.all(np.isfinite(array)) for array in arrays):
                 return ThrowResult("DONE", touched, max_overlap, max_gain, ("is not finite",))
             touched = touched or len(contact) > 0
-            stopped = stopped or any("hand was stopped" in why for why in live.lagging.values())
+            stopped = stopped or any(
+                "hand was stopped" in reason for reason in live.lagging.values()
+            )
             max_gain = max(
                 max_gain, (sum(marionette.energies(x)) - start_energy) / marionette.weight
             )
