@@ -155,11 +155,9 @@ def test_a_tracked_tension_is_part_of_the_program(arm):
 
 def test_a_program_similar_to_the_previous_one_needs_less_work(arm):
     task = moving_task(arm, 0.2, acceleration=1.0)
-    nodes, steps, objective = (
-        predicted_nodes(arm, task),
-        ClampedSteps(arm, 0.01, 1),
-        Objective(task),
-    )
+    nodes = predicted_nodes(arm, task)
+    steps = ClampedSteps(arm, 0.01, 1)
+    objective = Objective(task)
     slopes = steps.linearise(nodes, True)
     first = steps.solve(objective, nodes, slopes, DAMPING, -1)
     repeated = steps.solve(objective, nodes, slopes, DAMPING, 0)

@@ -68,10 +68,8 @@ def test_the_cost_changes_with_parameters_as_in_its_program(lever: fan.Marionett
     bob = fan.control.Track.point("bob", (0.4, 0, -0.8), at=(0, 0, -0.2), weight=10.0)
     task = replace(task, tracks=[*task.tracks, bob], dt=dt)
     free_parameters = ChosenParameters(lever, task.x0, task.parameters)
-    runs, objective = (
-        EventRuns(TimeSteps(lever, task.dt, 1, free_parameters), free_parameters),
-        Objective(task),
-    )
+    runs = EventRuns(TimeSteps(lever, task.dt, 1, free_parameters), free_parameters)
+    objective = Objective(task)
     acc = 0.3 * np.random.default_rng(0).normal(size=(20, 1))
     initial_nodes = replace(
         Nodes.constant(lever, task.x0, 1.0, 20), acc_K=acc, parameters=np.array([-0.55, 1.2, 0.02])

@@ -38,10 +38,8 @@ def test_the_gradient_through_catches_is_that_of_differences(arm: fan.Marionette
     pull = fan.control.Track.tension("hand", 2.0, weight=0.01)
     task = replace(task, duration=(0.6, 1.0), tracks=[*task.tracks, pull])
     free_parameters = ChosenParameters(arm, x0, {})
-    runs, objective = (
-        ExactRuns(TimeSteps(arm, 0.005, 1, free_parameters), free_parameters),
-        Objective(task),
-    )
+    runs = ExactRuns(TimeSteps(arm, 0.005, 1, free_parameters), free_parameters)
+    objective = Objective(task)
     acc = np.zeros((16, 2))
     acc[:, arm.coordinates.v_K.index("hand.length")] = [-5] * 5 + [6] * 8 + [0] * 3
     initial_nodes = replace(Nodes.constant(arm, x0, 0.8, 16), acc_K=acc)
@@ -91,10 +89,8 @@ def test_it_ends_at_the_optimum_of_the_run_itself(arm: fan.Marionette):
     # At the optimum of the run, its cost rises with the square of any change.
     random = np.random.default_rng(0)
     free_parameters = ChosenParameters(arm, task.x0, {})
-    runs, objective = (
-        ExactRuns(TimeSteps(arm, 0.005, 1, free_parameters), free_parameters),
-        Objective(task),
-    )
+    runs = ExactRuns(TimeSteps(arm, 0.005, 1, free_parameters), free_parameters)
+    objective = Objective(task)
     for _ in range(5):
         u = random.normal(size=best.nodes.acc_K.shape)
         costs = []

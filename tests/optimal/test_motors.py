@@ -303,10 +303,8 @@ def test_voltages_change_with_motions_as_in_their_rows(cart: fan.Marionette):
     ends = runs.ends(nodes, run)
     linear = runs.linearise(nodes, ends).with_constants(np.array([1, 2, 3]))
     assert not runs.reasons and rows.values(nodes, ends)[0].shape == (N, 6)
-    derivatives, differences = (
-        rows.derivatives(nodes, linear),
-        (values(1e-5) - values(-1e-5)) / 2e-5,
-    )
+    derivatives = rows.derivatives(nodes, linear)
+    differences = (values(1e-5) - values(-1e-5)) / 2e-5
     z = linear.dstart_c[:, 1:] @ parameter_direction
     z = np.concatenate([z, parameter_direction])
     for i in range(N):

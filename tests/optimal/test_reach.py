@@ -297,10 +297,8 @@ def test_the_place_of_a_knees_string_is_confirmed_by_a_sweep():
     """An attachment in front of the thigh lifts the knee highest for a given motion of the hand."""
     file = importlib.resources.files("fantoccini") / "model" / "puppets" / "marionette.yaml"
     text = file.read_text()
-    fixed_point, parameter_point = (
-        "at: [0.018, 0, -0.115]}",
-        "at: [{parameter: tie, value: 0.018}, 0, -0.09]}",
-    )
+    fixed_point = "at: [0.018, 0, -0.115]}"
+    parameter_point = "at: [{parameter: tie, value: 0.018}, 0, -0.09]}"
     tied_text = text.replace(fixed_point, parameter_point)
     tied_puppet = fan.loads(tied_text.replace("puppet: marionette", "puppet: tied", 1))
     start = tied_puppet.rest(

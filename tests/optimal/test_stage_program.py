@@ -40,10 +40,8 @@ def dense_program(stages: StageProgram) -> tuple[np.ndarray, np.ndarray, np.ndar
     """P, c, A, b of the program: min 1/2 x^T P x + c^T x, A x = b."""
     P, A = np.zeros((N * STAGE_SIZE, N * STAGE_SIZE)), np.zeros((N * N_Z, N * STAGE_SIZE))
     for i in range(N):
-        stage, previous_stage = (
-            slice(STAGE_SIZE * i, STAGE_SIZE * (i + 1)),
-            slice(STAGE_SIZE * (i - 1), STAGE_SIZE * i),
-        )
+        stage = slice(STAGE_SIZE * i, STAGE_SIZE * (i + 1))
+        previous_stage = slice(STAGE_SIZE * (i - 1), STAGE_SIZE * i)
         rows = slice(N_Z * i, N_Z * (i + 1))
         P[stage, stage] = stages.H[i]
         A[rows, stage] = np.concatenate([stages.B[i], -np.eye(N_Z)], axis=1)
@@ -261,10 +259,8 @@ def test_driven_double_integrators_are_stored_as_bands():
         B=B[:, reversed_states],
         e=stages.e[:, reversed_states],
     )
-    solution, reversed_solution = (
-        StageSolver(1e-10).solve(stages),
-        StageSolver(1e-10).solve(reversed_program),
-    )
+    solution = StageSolver(1e-10).solve(stages)
+    reversed_solution = StageSolver(1e-10).solve(reversed_program)
     assert solution.u == pytest.approx(reversed_solution.u, rel=1e-10, abs=1e-10)
     assert solution.z == pytest.approx(
         reversed_solution.z[:, reversed_states], rel=1e-10, abs=1e-10

@@ -67,10 +67,8 @@ def least_cost(times: np.ndarray, places: np.ndarray, duration: float = T) -> fl
             - 0.5 * np.clip(t[:, None] - interval_starts - h, 0, None) ** 2
         )
 
-    A, E = (
-        position_gains(np.asarray(times)),
-        np.vstack([position_gains(np.array([duration])), np.full(N, h)]),
-    )
+    A = position_gains(np.asarray(times))
+    E = np.vstack([position_gains(np.array([duration])), np.full(N, h)])
     total = 0.0
     for coordinate_values, end in zip(np.transpose(places), ((1.0, 0.0), (0.0, 0.0)), strict=True):
         H, n = h * np.eye(N) + END_WEIGHT * E.T @ E, len(A)

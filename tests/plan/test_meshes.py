@@ -138,10 +138,8 @@ def bead():
 @pytest.mark.parametrize("kind", ["capsule", "box", "ellipsoid", "half_space", "mesh"])
 def test_a_mesh_of_a_box_is_the_box(folder, name, kind):
     rng = np.random.default_rng(3)
-    puppet, box_puppet = (
-        bodies_with_shapes(mesh_shape(name)),
-        bodies_with_shapes({"type": "box", "size": [0.2, 0.3, 0.4]}),
-    )
+    puppet = bodies_with_shapes(mesh_shape(name))
+    box_puppet = bodies_with_shapes({"type": "box", "size": [0.2, 0.3, 0.4]})
     obstacle = {
         "capsule": {"from": [-0.1, 0.02, 0.0], "to": [0.1, 0.05, 0.07], "radius": 0.02},
         "box": {"size": [0.1, 0.2, 0.3], "orientation": {"rpy": [0.4, 0.2, -0.5]}},
@@ -152,10 +150,8 @@ def test_a_mesh_of_a_box_is_the_box(folder, name, kind):
     box_obstacle = (
         {"type": "box", "size": [0.2, 0.3, 0.4], "name": "it"} if kind == "mesh" else obstacle
     )
-    mesh_clearance, box_clearance = (
-        Clearance(puppet, [obstacle]),
-        Clearance(box_puppet, [box_obstacle]),
-    )
+    mesh_clearance = Clearance(puppet, [obstacle])
+    box_clearance = Clearance(box_puppet, [box_obstacle])
     n_apart = 0
     for _ in range(25):
         rotation, translation = Rotation.random(random_state=rng), rng.normal(0, 0.25, 3)
@@ -258,10 +254,8 @@ def test_meshes_of_one_puppet_keep_clear_of_one_another():
     """Two Ls; one is turned by half a turn, so that a leg of each is in the notch of the other."""
     puppet = bodies_with_shapes(mesh_shape("ell"), mesh_shape("ell"))
     self_clearance = Clearance(puppet, self_collision=True)
-    at_origin, half_turn = (
-        (np.zeros(3), Rotation.identity()),
-        Rotation.from_euler("y", 180, degrees=True),
-    )
+    at_origin = (np.zeros(3), Rotation.identity())
+    half_turn = Rotation.from_euler("y", 180, degrees=True)
     nearest = self_clearance.nearest(
         state_with_poses(puppet, at_origin, (np.array([0.53, 0.0, 0.54]), half_turn))
     )

@@ -88,10 +88,8 @@ def test_the_marionettes_plan_arrives_with_its_limits():
     assert limits_reached(event_check.run, 1e-4) and limits_reached(
         event_check.run, 1e-4
     ) <= limits_reached(mujoco_check.run, 0.0)
-    allowed_violation, step = (
-        dict.fromkeys(mujoco_check.run.violation.names, 1e-3),
-        np.diff(mujoco_check.run.t).max(),
-    )
+    allowed_violation = dict.fromkeys(mujoco_check.run.violation.names, 1e-3)
+    step = np.diff(mujoco_check.run.t).max()
     for event in event_check.run.events:
         if event.name in allowed_violation:
             allowed_violation[event.name] = max(allowed_violation[event.name], event.speed * step)

@@ -97,10 +97,8 @@ def no_input_note(nodes: Nodes, linear: LinearEnds, gap: Array) -> str:
 
 def largest_residual(objective: Objective, iterate: Iterate, tolerance: float) -> str:
     """Reason why an iterate is not optimal: error at the end, violated bound, or next step."""
-    bound, end = (
-        largest_bound_violation(objective, iterate.nodes, iterate.ends),
-        end_residual(objective, iterate.nodes),
-    )
+    bound = largest_bound_violation(objective, iterate.nodes, iterate.ends)
+    end = end_residual(objective, iterate.nodes)
     largest = max(bound, end, key=lambda residual: residual.rank)
     if largest.size > max(tolerance, iterate.stationarity) or not np.isfinite(iterate.stationarity):
         return largest.text or "the search ended before a step was found"

@@ -114,10 +114,8 @@ class ClampedSteps:
         )
         J, diagonal, g = objective.gauss_newton_terms(nodes)
         tension_residuals = list(objective.tension_residuals(nodes, interval_derivatives.tension))
-        C, W = (
-            np.zeros((N, len(tension_residuals), nodes.n_z + k)),
-            np.zeros((N, len(tension_residuals))),
-        )
+        C = np.zeros((N, len(tension_residuals), nodes.n_z + k))
+        W = np.zeros((N, len(tension_residuals)))
         for i, (row, weights, r) in enumerate(tension_residuals):
             assert interval_derivatives.pull is not None
             derivatives = interval_derivatives.pull[:, row, : nodes.n_z + k]

@@ -111,12 +111,10 @@ class Exploration:
         is_near: bool = False,
     ):
         self._is_near = is_near
-        self._initial, self._objective, self._rng, self._deadline = (
-            initial,
-            objective,
-            rng,
-            deadline,
-        )
+        self._initial = initial
+        self._objective = objective
+        self._rng = rng
+        self._deadline = deadline
         self._threads, self._driven = threads, DrivenConditions.from_task(objective.task)
         n, k, T = initial.table.n_vD, initial.table.n_vK, initial.interval * len(initial)
         self._gap_scale = np.repeat([1.0, SETTINGS.velocity_time_share * T] * 2, [n, n, k, k])

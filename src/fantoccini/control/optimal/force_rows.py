@@ -51,10 +51,8 @@ class ForceRows:
         """
         if not len(self):
             return np.zeros((len(nodes), 0))
-        marionette, zeros = (
-            self._free_parameters.marionette(nodes.parameters),
-            np.zeros((1, nodes.n_z)),
-        )
+        marionette = self._free_parameters.marionette(nodes.parameters)
+        zeros = np.zeros((1, nodes.n_z))
         acc_D, u = _accelerations(nodes), np.zeros((1, nodes.acc_K.shape[1]))
         return self._changed_values(marionette, nodes, zeros, u, acc_D, forces_at_steps.tension)[0]
 

@@ -95,10 +95,8 @@ class Objective:
         self._z = np.concatenate([np.arange(2 * n), 2 * n + self._u, 2 * n + k + self._u])
         lower, upper = task.bounds.intervals(marionette)
         is_driven = np.arange(self._n_z) >= 2 * n  # bounds of the others are rows
-        self._low, self._high = (
-            np.where(is_driven, lower, -np.inf),
-            np.where(is_driven, upper, np.inf),
-        )
+        self._low = np.where(is_driven, lower, -np.inf)
+        self._high = np.where(is_driven, upper, np.inf)
         self._end, self._end_weight = task.required_end, _FIRST_END_WEIGHT
         required = np.zeros(self._n_z, bool) if self._end is None else self._end.required
         self._required, self.end_indices = required, np.flatnonzero(required[self._z])
@@ -237,10 +235,8 @@ class Objective:
         high[-1, :k] = np.minimum(high[-1, :k], max_jump - nodes.acc_K[-1])
         low, high = np.maximum(low, -UNBOUNDED), np.minimum(high, UNBOUNDED)
         value, row_low, row_high = self.rows.values(nodes, linear)
-        u, z = (
-            self._u,
-            np.concatenate([self._z, self._n_z + np.arange(len(self._constant_indices))]),
-        )
+        u = self._u
+        z = np.concatenate([self._z, self._n_z + np.arange(len(self._constant_indices))])
         selected = np.concatenate([u, k + z])
         row_columns = np.concatenate([selected, k + n_z + selected])
         program = StageProgram(
@@ -273,13 +269,10 @@ class Objective:
     def _bounds_of_constants(self, nodes: Nodes) -> tuple[Array, Array]:
         """(N, n_c) the allowed changes of the constants."""
         shortest, longest = self.interval_changes(nodes) if self.task.is_free else (0.0, 0.0)
-        low = np.append(shortest, self._free_parameters.low - nodes.parameters)[
-            self._constant_indices
-        ]
-        high = np.append(longest, self._free_parameters.high - nodes.parameters)[
-            self._constant_indices
-        ]
-        shape = (len(nodes), len(self._constant_indices))
+        indices = self._constant_indices
+        low = np.append(shortest, self._free_parameters.low - nodes.parameters)[indices]
+        high = np.append(longest, self._free_parameters.high - nodes.parameters)[indices]
+        shape = (len(nodes), len(indices))
         return np.broadcast_to(low, shape), np.broadcast_to(high, shape)
 
     def limits(self, interval: float) -> MotionBounds:

@@ -139,10 +139,8 @@ def _target_arrays(
     columns = {table.q_D[q]: v for q, v in table.scalars_D}
     columns |= {table.q_K[q]: table.n_vD + v for q, v in table.scalars_K}
     links, places, points = [], [], []
-    column_of_target, moving_mask = (
-        [],
-        np.zeros((len(targets), table.n_vD + table.n_vK), dtype=bool),
-    )
+    column_of_target = []
+    moving_mask = np.zeros((len(targets), table.n_vD + table.n_vK), dtype=bool)
     for i, (target, place) in enumerate(targets.items()):
         name, point = target if isinstance(target, tuple) else (target, (0.0, 0.0, 0.0))
         is_body = name in bodies

@@ -112,21 +112,17 @@ class Rows:
     def derivatives(self, nodes: Nodes, linear: LinearEnds) -> Array:
         """(N, m, 2 (n_vK + n_z)) derivatives by (u_{i-1}, z_i, u_i, z_{i+1})."""
         N, n_z, k = linear.B.shape
-        n_taut, n_jerks, n_joints = (
-            len(self._tension_rows),
-            len(self._jerk_inputs),
-            len(self.joint_indices),
-        )
+        n_taut = len(self._tension_rows)
+        n_jerks = len(self._jerk_inputs)
+        n_joints = len(self.joint_indices)
         s, n_clear = k + n_z, len(self.clearances) if self.clearances else 0
         force_start = n_taut + n_jerks + n_joints
         motor_start = force_start + len(self._forces)
         derivatives = np.zeros((N, motor_start + len(self._motors) + n_clear, 2 * s))
         derivatives[:, :n_taut, k : s + k] = linear.dtension[:, self._tension_rows]
         row = n_taut + np.arange(n_jerks)
-        derivatives[:, row, self._jerk_inputs], derivatives[:, row, s + self._jerk_inputs] = (
-            -1.0,
-            1.0,
-        )
+        derivatives[:, row, self._jerk_inputs] = -1.0
+        derivatives[:, row, s + self._jerk_inputs] = 1.0
         derivatives[:, n_taut + n_jerks + np.arange(n_joints), s + k + self.joint_indices] = 1.0
         derivatives[:, force_start:motor_start, k : s + k] = self._forces.derivatives(nodes, linear)
         derivatives[:, motor_start : motor_start + len(self._motors), k:] = (

@@ -256,10 +256,8 @@ class Search:
         best.violation = float(np.max(violation, initial=0.0))
         best.solution = solution
         z, u, c = objective.expanded(solution)
-        weight, (gap_change, force) = (
-            objective.end_weight,
-            objective.gap_change(best.nodes, z, c, best.force),
-        )
+        weight = objective.end_weight
+        gap_change, force = objective.gap_change(best.nodes, z, c, best.force)
         price = objective.price
         violation_decrease = price * float(np.sum(violation) - np.sum(solution.violation))
         merit_slope = float(np.sum(program.g * step)) - violation_decrease

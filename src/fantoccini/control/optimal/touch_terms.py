@@ -351,17 +351,13 @@ class TouchTerms:
         """
         h, n_z, n_c = nodes.interval, nodes.n_z, 1 + len(self._free_parameters)
         z = np.zeros((4 * n_z + 3, 2 * n_z))
-        z[: 2 * n_z], z[2 * n_z : 4 * n_z] = (
-            _DIFFERENCE_STEP * np.eye(2 * n_z),
-            -_DIFFERENCE_STEP * np.eye(2 * n_z),
-        )
+        z[: 2 * n_z] = _DIFFERENCE_STEP * np.eye(2 * n_z)
+        z[2 * n_z : 4 * n_z] = -_DIFFERENCE_STEP * np.eye(2 * n_z)
         lengths = np.full(len(z), h)
         lengths[-3:-1] *= [1.0 + _DIFFERENCE_STEP, 1.0 - _DIFFERENCE_STEP]
         fractions = np.full(len(z), fraction) if at_end else (i + fraction) * h / lengths - i
-        before, after = (
-            _perturbed_states(nodes, i, z[:, :n_z]),
-            _perturbed_states(nodes, i + 1, z[:, n_z:]),
-        )
+        before = _perturbed_states(nodes, i, z[:, :n_z])
+        after = _perturbed_states(nodes, i + 1, z[:, n_z:])
         offsets, derivatives = np.zeros((3, len(z), 3)), np.zeros((3, 3, 2 * n_z + n_c))
         for j, shift in enumerate((-_TIME_DIFFERENCE_STEP, 0.0, _TIME_DIFFERENCE_STEP)):
             q_D, q_K = _interpolated_configurations(

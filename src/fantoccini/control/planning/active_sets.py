@@ -149,12 +149,10 @@ def _extended_backward(
         is_extended[is_extended] = np.any(
             plan.active[k[is_extended]] != active[is_extended], axis=1
         )
-        k, states, P, active = (
-            k[is_extended],
-            states[is_extended],
-            P[is_extended],
-            active[is_extended],
-        )
+        k = k[is_extended]
+        states = states[is_extended]
+        P = P[is_extended]
+        active = active[is_extended]
         states = advance_states(
             plan.marionette, states, active, plan.planned_acceleration[k], -plan.durations[k]
         )
@@ -180,12 +178,10 @@ def _extended_forward(plan: PlanReference, events: Indices, window: int) -> list
         is_extended[is_extended] = np.any(
             plan.active[k[is_extended] + 1] != active[is_extended], axis=1
         )
-        k, states, active, S = (
-            k[is_extended],
-            states[is_extended],
-            active[is_extended],
-            S[is_extended],
-        )
+        k = k[is_extended]
+        states = states[is_extended]
+        active = active[is_extended]
+        S = S[is_extended]
         previous = states
         states = advance_states(
             plan.marionette, states, active, plan.planned_acceleration[k], plan.durations[k]

@@ -125,12 +125,10 @@ class _Descent:
         end_only: bool,
     ):
         self.best = Approach(first)
-        self._shooting, self._has_arrived, self._deadline, self._end_only = (
-            shooting,
-            has_arrived,
-            deadline,
-            end_only,
-        )
+        self._shooting = shooting
+        self._has_arrived = has_arrived
+        self._deadline = deadline
+        self._end_only = end_only
         self._trust, self._merits = _TOLERANCES.first_trust, list[float]()
 
     def step(self) -> tuple[Derivatives, Array] | None:
@@ -217,10 +215,8 @@ def step(
     )
     A = np.zeros((len(bounded_rows) + k, n_x + n_s))
     A[: len(bounded_rows), :n_x] = bounded_rows
-    A[len(bounded_rows) :, :n_x], A[len(bounded_rows) :, n_x:] = (
-        derivatives.constraints,
-        slack_columns,
-    )
+    A[len(bounded_rows) :, :n_x] = derivatives.constraints
+    A[len(bounded_rows) :, n_x:] = slack_columns
     speed_bounds = [(np.tile(speed, m) - s * V.ravel())[near_speed_bound] for s in (1.0, -1.0)]
     acceleration_bounds = [
         (np.tile(max_change, m) - s * dV.ravel())[near_acceleration_bound] for s in (1.0, -1.0)

@@ -257,10 +257,8 @@ class Feedback(ShortRepr):
             v^2 / (2 a) + v T_1 / 2 <= d - (v_K + v) T / 2
         """
         rollouts, table = self.plan.rollouts, self.plan.problem.marionette.coordinates
-        bounds, mean_duration = (
-            self.plan.problem.bounds,
-            0.5 * (duration + rollouts.options.segment),
-        )
+        bounds = self.plan.problem.bounds
+        mean_duration = 0.5 * (duration + rollouts.options.segment)
         fastest, slowest = bounds.speed.copy(), -bounds.speed
         for q, v in table.scalars_K:
             acceleration = max(float(bounds.acceleration[v]), _TOLERANCES.min_acceleration)

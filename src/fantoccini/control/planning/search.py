@@ -120,11 +120,9 @@ class Search:
         """Returns to a record; a tree that has no plan yet is discarded."""
         self.tree, self._growing_tree, self.best = record.tree, record.tree, record.best
         self.tried, self.seconds, self.curve = record.tried, record.seconds, list(record.curve)
-        self.timed_out, self.refused, self.polished = (
-            record.timed_out,
-            record.refused,
-            record.polished,
-        )
+        self.timed_out = record.timed_out
+        self.refused = record.refused
+        self.polished = record.polished
         self._rng.bit_generator.state = record.random_state
 
     def find_first(self, time_limit: float, iterations: int | None = None) -> None:

@@ -97,10 +97,8 @@ def nearest_equilibrium(
         q_D, q_K = configurations(x)
         residual_force, _, limits = best_support(marionette, q_D, q_K)
         residual_force = residual_force[:, is_puppet_velocity]
-        soft_K, soft_D = (
-            _TOLERANCES.driven_weight * regularisation,
-            _TOLERANCES.dynamic_weight * regularisation,
-        )
+        soft_K = _TOLERANCES.driven_weight * regularisation
+        soft_D = _TOLERANCES.dynamic_weight * regularisation
         parts = [residual_force, soft_K * (x - initial_x)[:, n_D:]]
         if fixed_q_D is None:
             q_K = with_taut_lengths(q_D, q_K)

@@ -93,11 +93,9 @@ class ChosenParameters:
         n = table.n_vD
         derivatives = np.zeros((2 * (n + table.n_vK), len(self)))
         for i, (below, above) in enumerate(self.neighbours(values)):
-            start_below, start_above, difference = (
-                self.start(below),
-                self.start(above),
-                above[i] - below[i],
-            )
+            start_below = self.start(below)
+            start_above = self.start(above)
+            difference = above[i] - below[i]
             change = tangent.between(
                 table.scalars_D,
                 table.quaternions_D,
@@ -105,10 +103,8 @@ class ChosenParameters:
                 start_above.q_D[None],
                 n,
             )[0]
-            derivatives[:n, i], derivatives[n : 2 * n, i] = (
-                change / difference,
-                (start_above.v_D - start_below.v_D) / difference,
-            )
+            derivatives[:n, i] = change / difference
+            derivatives[n : 2 * n, i] = (start_above.v_D - start_below.v_D) / difference
         return derivatives
 
     def _start_with(self, values: tuple[float, ...]) -> tuple[Marionette, State]:

@@ -152,10 +152,8 @@ def identify(
                 progress=stage_progress,
             )
             # A search with fixed unknowns does not check whether their derivatives still hold.
-            point, saved_jacobians = (
-                result.point,
-                None if stage.states_only else result.saved_jacobians,
-            )
+            point = result.point
+            saved_jacobians = None if stage.states_only else result.saved_jacobians
             if not stage.states_only:
                 levels = noise.estimate(stage_fit, result)
         assert result is not None

@@ -139,10 +139,8 @@ def search(
             saved_jacobians = saved_jacobians.renew(fit, point, positive)
             normal = cost.normal_equations(point, prediction, saved_jacobians.jacobians)
         if states_only:
-            move, theta_move = (
-                _step(normal.without_parameters(), damping, shared_damping)[0],
-                0.0 * point.theta,
-            )
+            move = _step(normal.without_parameters(), damping, shared_damping)[0]
+            theta_move = 0.0 * point.theta
         else:
             move, theta_move = _step(normal, damping, shared_damping)
         trial = fit.moved_point(
@@ -173,11 +171,9 @@ def search(
         )
         falls_steeply = decrease > STEEP_DECREASE * float(np.sum(costs))
         shared_damping, n_iterations = max(MIN_DAMPING, shared_damping / 8.0), n_iterations + 1
-        previously_stale, stale = (
-            stale,
-            cost.badly_predicted(
-                point, trial, prediction, trial_prediction, saved_jacobians.jacobians
-            ),
+        previously_stale = stale
+        stale = cost.badly_predicted(
+            point, trial, prediction, trial_prediction, saved_jacobians.jacobians
         )
         released = fit.released_point(trial, trial_prediction)
         poorly_predicted = previously_stale & stale

@@ -155,12 +155,10 @@ class Recorder:
         case_store: Store | None,
         report: OnProgress,
     ):
-        self._design, self._outcomes, self._store, self._report = (
-            design,
-            outcomes,
-            case_store,
-            report,
-        )
+        self._design = design
+        self._outcomes = outcomes
+        self._store = case_store
+        self._report = report
         self._done = sum(o is not None for o in outcomes)
         self._failed = sum(o is not None and o.failure is not None for o in outcomes)
         self._report_progress()
