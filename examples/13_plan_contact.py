@@ -76,7 +76,7 @@ def push() -> None:
     )
     stage = fan.Marionette(scene)
     x0 = stage.rest({"wrist.length": 1.12, "sleeve.length": 0.87})
-    goal = fan.control.Goal.moved(stage, "crate", [0.1, 0, 0], x0)
+    goal = fan.control.Goal.displaced(stage, "crate", [0.1, 0, 0], x0)
     plan = fan.plan(stage, x0, goal, contact={"touch": [("hand", "crate")]}, tolerance=0.05, seed=0)
     print(plan)
     for met in plan.verify().touches:

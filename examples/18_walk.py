@@ -7,7 +7,7 @@ which the feet slide less, by simulated steps; here only a few of them. Writes o
 from pathlib import Path
 
 import fantoccini as fan
-from fantoccini.control import Draws
+from fantoccini.control import DrawOptions
 from fantoccini.output import view
 from fantoccini.theatre import Gait, find_gait, footfalls
 from fantoccini.theatre.gestures import BodyParts
@@ -30,7 +30,7 @@ def walk(gait: Gait) -> fan.Trajectory:
 
 first = Gait()
 walk(first)
-tuned = find_gait(stage, first, rounds=2, draws=Draws(runs=16, generations=3))
+tuned = find_gait(stage, first, rounds=2, draws=DrawOptions(runs=16, generations=3))
 print(tuned)
 run = walk(tuned.gait)
 times = [first.step_time * k for k in (0.0, 2.5, 3.0, 3.5, 4.0, 8.5)]

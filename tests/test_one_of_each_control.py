@@ -17,7 +17,12 @@ pytestmark = pytest.mark.medium
 
 PACKAGE = Path(__file__).resolve().parents[1] / "src" / "fantoccini"
 SOLVERS = {"solve", "cho_factor", "cholesky"}
-ANSWERS = (fan.control.PlanResult, fan.control.Optimum, fan.control.ReachedPose, fan.control.Tuned)
+ANSWERS = (
+    fan.control.PlanResult,
+    fan.control.Optimum,
+    fan.control.ReachedPose,
+    fan.control.TuningResult,
+)
 
 
 def functions(folder: Path = PACKAGE) -> dict[str, ast.FunctionDef]:
@@ -122,7 +127,7 @@ def test_all_searches_for_equilibria_end_in_one_function():
     problem = fan.control.Problem(arm, x, {"elbow": bent})
     led = problem.rollouts.laws[0]
     again = arm.rest(x.replace(q_D=led.q_D, q_K=led.q_K))
-    assert problem.equilibrium and again.q_D == pytest.approx(led.q_D, abs=1e-9)
+    assert problem.rests_at_goal and again.q_D == pytest.approx(led.q_D, abs=1e-9)
 
 
 def test_one_outer_loop_iterates_quadratic_programs():
@@ -217,7 +222,7 @@ def test_files_of_both_kinds_are_tasks_for_plans_and_optimisations(tmp_path: Pat
     """A problem file gives a task with all that plans need; a task file with an end is planned."""
     task = fan.control.load_task("arm3d_boxes")
     assert type(task) is fan.Task and task.conditions.tolerance == 0.25 and len(task.obstacles) == 2
-    assert fan.control.Problem.of(task).fingerprint == boxes_in_python().fingerprint
+    assert fan.control.Problem.from_task(task).fingerprint == boxes_in_python().fingerprint
     text = "problem: p\npuppet: arm2d\ngoal: {pose: {elbow: 0.3}}\nobjective: time\nsegment: 0.2\n"
     (tmp_path / "own.yaml").write_text(text + "strings: false\nreserve: 0.1\nduration: [1, 3]\n")
     conditions = fan.control.load_task(tmp_path / "own.yaml").conditions
@@ -244,7 +249,7 @@ def test_options_are_a_few_objects():
 
 def test_a_task_serves_plans_and_optimisations():
     """A problem is a task prepared for a search; there is no other description of a task."""
-    assert list(inspect.signature(fan.control.Problem.of).parameters) == ["task", "rollouts"]
+    assert list(inspect.signature(fan.control.Problem.from_task).parameters) == ["task", "rollouts"]
     folder = PACKAGE / "control"
     text = {str(p.relative_to(folder)): p.read_text("utf-8") for p in folder.rglob("*.py")}
     assert [name for name in text if "class Task:" in text[name]] == ["tasks/task.py"]

@@ -58,7 +58,7 @@ def main() -> None:
     def with_gains(x: State, i: int) -> Array:
         own = {name: getattr(nodes, name)[i : i + 1] for name in ("q_D", "v_D", "q_K", "v_K")}
         now = (getattr(x, name)[None] for name in own)
-        z = replace(nodes, **own).between(*now, first=0)[0]
+        z = replace(nodes, **own).changes_to(*now, first_node=0)[0]
         bound = task.bounds.magnitudes(task.marionette, "acceleration")
         return np.clip(nodes.acc_K[i] + gains[i] @ z, -bound, bound)
 

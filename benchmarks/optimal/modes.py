@@ -65,7 +65,7 @@ def by_seed(task: fan.Task, seeds: int) -> None:
 def by_method(task: fan.Task, seeds: int) -> None:
     """Prints searches after one exploration."""
     marionette, chosen = task.marionette, ChosenParameters(task.marionette, task.x0, {})
-    first = Nodes.still(marionette, task.x0, task.durations[1], task.n_intervals)
+    first = Nodes.constant(marionette, task.x0, task.durations[1], task.n_intervals)
     costs: dict[str, list[float]] = {name: [] for name in METHODS}
     seconds = dict.fromkeys(METHODS, 0.0)
     for seed in range(seeds):

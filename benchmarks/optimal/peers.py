@@ -82,7 +82,7 @@ class Crocoddyl:
 
 def score(task: fan.Task, u: Array) -> tuple[float, bool]:
     """The cost of inputs by an event-driven run, and whether the strings stay taut in it."""
-    nodes = Nodes.still(task.marionette, task.x0, task.durations[1], task.n_intervals)
+    nodes = Nodes.constant(task.marionette, task.x0, task.durations[1], task.n_intervals)
     run = fan.simulate(
         task.marionette, task.x0, replace(nodes, acc_K=u).inputs(), task.durations[1]
     )

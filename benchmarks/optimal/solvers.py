@@ -40,7 +40,7 @@ def first_program(task: fan.Task) -> tuple[StageProgram, float]:
     """The program of a task's first step, and its unit."""
     steps = TimeSteps(task.marionette, task.dt, 1)
     runs = EventRuns(steps, ChosenParameters(task.marionette, task.x0, {}))
-    motion = runs.run(Nodes.still(task.marionette, task.x0, task.durations[1], task.n_intervals))
+    motion = runs.run(Nodes.constant(task.marionette, task.x0, task.durations[1], task.n_intervals))
     assert motion is not None
     objective, linear = Objective(task), runs.linearise(motion[0], runs.ends(*motion))
     objective.set_unit(motion[0], linear)

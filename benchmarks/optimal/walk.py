@@ -19,7 +19,7 @@ import numpy as np
 
 import fantoccini as fan
 from fantoccini.base import Progress
-from fantoccini.control import Draws
+from fantoccini.control import DrawOptions
 from fantoccini.dynamics.mujoco import mujoco_run
 
 from ..contact.mujoco_scene import text_of
@@ -154,7 +154,7 @@ def cost(stage: fan.Marionette, run: fan.Trajectory, gait: MarionetteGait, steps
 
 def searched(
     stage: fan.Marionette, first: MarionetteGait, share: float, seconds: float, seed: int
-) -> fan.control.Tuned:
+) -> fan.control.TuningResult:
     """Parameters of a walk of 20 steps, drawn around the first by this share of ``SPREADS``."""
     steps, x0, start = 20, stage.rest(), asdict(first)
 
@@ -171,7 +171,7 @@ def searched(
         first.duration * (steps + 1),
         method=fan.TimeStepping(dt=0.00025),
         save_every=20,
-        draws=Draws(runs=60, generations=1000, time_limit=seconds, seed=seed),
+        draws=DrawOptions(runs=60, generations=1000, time_limit=seconds, seed=seed),
         progress=print_progress,
     )
 

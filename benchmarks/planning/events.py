@@ -129,7 +129,7 @@ def slack_plans(n: int, seconds: float = 0.5) -> list[PlanResult]:
     problem, plans = slackened(fan.control.load_problem("arm3d_boxes")), []
     for seed in itertools.count():
         plan = solve(problem, seed=seed, improve=seconds, objective="time")
-        if plan and not np.all(plan.feedback(window=0).active):
+        if plan and not np.all(plan.feedback(window=0).active_sets):
             plans.append(plan)
         if len(plans) == n:
             return plans

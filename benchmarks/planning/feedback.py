@@ -18,7 +18,7 @@ import fantoccini as fan
 from fantoccini.base.arrays import Array
 from fantoccini.base.errors import Status
 from fantoccini.control.planning import solve
-from fantoccini.control.planning.feedback import Feedback, Followed
+from fantoccini.control.planning.feedback import ClosedLoopRollout, Feedback
 from fantoccini.control.problems import Problem
 from fantoccini.dynamics.mujoco import MuJoCoPuppet
 from fantoccini.motion import State
@@ -107,18 +107,18 @@ def kicked(problem: Problem, size: float, random: np.random.Generator) -> State:
     return problem.marionette.project(x.replace(v_D=x.v_D + size * kick / np.linalg.norm(kick)))
 
 
-def follow(law: Feedback, x0: State, closed: bool) -> Followed:
+def follow(law: Feedback, x0: State, closed: bool) -> ClosedLoopRollout:
     """A plan in MuJoCo, check by check; the law is evaluated once per segment."""
     problem, interval = law.plan.problem, law.plan.rollouts.options.interval
     puppet, states, commanded = MuJoCoPuppet(problem.marionette, STEP), [x0], []
     puppet.put(x0.q_D, x0.v_D)
     for k, n_checks in enumerate(law.n_checks):
-        commanded.append(law.acceleration(k, states[-1]) if closed else law.planned[k])
+        commanded.append(law.acceleration(k, states[-1]) if closed else law.planned_acceleration[k])
         for _ in range(n_checks):
             states.append(advanced(puppet, states[-1], interval, commanded[-1]))
     whole = np.all(np.isfinite(np.concatenate([states[-1].q_D, states[-1].v_D])))
     status = Status.DONE if whole else Status.NOT_FINITE
-    return Followed.of(problem, states, np.array(commanded), status)
+    return ClosedLoopRollout.from_states(problem, states, np.array(commanded), status)
 
 
 def advanced(puppet: MuJoCoPuppet, x: State, duration: float, acc_K: Array) -> State:

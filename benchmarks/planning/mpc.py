@@ -20,7 +20,7 @@ from scipy.spatial.transform import Rotation
 import fantoccini as fan
 from fantoccini.base.errors import StateError, Status
 from fantoccini.control.planning import solve
-from fantoccini.control.planning.feedback import Feedback, Followed
+from fantoccini.control.planning.feedback import ClosedLoopRollout, Feedback
 from fantoccini.control.tasks import RolloutOptions, StateArrays
 from fantoccini.dynamics.mujoco import MuJoCoPuppet
 from fantoccini.motion import State
@@ -95,7 +95,7 @@ class Run(NamedTuple):
         latency: longest of MPC's last updates [s]; 0 without.
     """
 
-    followed: Followed
+    followed: ClosedLoopRollout
     later: float
     latency: float = 0.0
 
@@ -126,7 +126,7 @@ def follow_mpc(law: Feedback, x0: State) -> Run:
         states.append(x)
     whole = np.all(np.isfinite(np.concatenate([x.q_D, x.v_D])))
     status = Status.DONE if whole else Status.NOT_FINITE
-    followed = Followed.of(problem, states, np.array(commanded), status)
+    followed = ClosedLoopRollout.from_states(problem, states, np.array(commanded), status)
     for _ in range(round(LATER / INTERVAL)):
         x = advanced(puppet, x, INTERVAL, mpc.step(x))
     return Run(followed, float(problem.goal.distance(StateArrays.of(x))[0]), mpc.latency)

@@ -16,7 +16,7 @@ from fantoccini.base.arrays import Array
 from fantoccini.base.documents import Parameter
 from fantoccini.base.tangent import between
 from fantoccini.dynamics.marionette import Marionette
-from fantoccini.lab.reduction_states import drive, in_metres, mean_length, without_drives
+from fantoccini.lab.reduction_states import drive_inertia, in_metres, mean_length, without_drives
 from fantoccini.model.puppet import Chain, ComputedTorque, Drive, Puppet
 from fantoccini.motion import Input, State, Trajectory
 from fantoccini.motion.pieces import channel_names
@@ -63,7 +63,7 @@ class Mechanism:
 
     def inertia(self, ratio: float) -> Array:
         """(n_vK,) inertia of drives with ``ratio`` times the puppet's mass [kg or kg m^2]."""
-        return np.where(self.in_metres, *drive(self.mixed, ratio))
+        return np.where(self.in_metres, *drive_inertia(self.mixed, ratio))
 
     def full(self, ratio: float = 1.0, bandwidth: float | None = None) -> Marionette:
         """The puppet on drives.
@@ -81,7 +81,7 @@ class Mechanism:
         self, full: Marionette, ratio: float, bandwidth: float | None = None
     ) -> Marionette:
         """The full model with other drives, without a new compilation."""
-        mass, inertia = drive(self.mixed, ratio)
+        mass, inertia = drive_inertia(self.mixed, ratio)
         values = {MASS: mass, INERTIA: inertia}
         if bandwidth is not None:
             values[BANDWIDTH] = bandwidth
@@ -158,7 +158,7 @@ class Mechanism:
         if bandwidth is not None:
             parameter_ = Parameter(parameter=BANDWIDTH, value=bandwidth)
             control = ComputedTorque(type="computed_torque", bandwidth=parameter_)
-        mass, inertia = drive(self.mixed)
+        mass, inertia = drive_inertia(self.mixed)
         linear = [table.q_K[q] for q, v in table.scalars_K if self.in_metres[v]]
         rotary = [table.q_K[q] for q, v in table.scalars_K if not self.in_metres[v]]
         rotary += list(table.rotations)

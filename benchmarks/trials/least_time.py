@@ -39,7 +39,8 @@ def files(folder: Path, problem: Problem, interval: float, step: float) -> Path:
     (folder / "chain.yaml").write_text("\n".join([*text, f"pose: {{{', '.join(pose)}}}\n"]))
     task = folder / "task.yaml"
     task.write_text(
-        f"task: trial\npuppet: chain.yaml\nstart: {{line0.x: 0}}\nend: {{line0.x: {problem.way}}}\n"
+        "task: trial\npuppet: chain.yaml\nstart: {line0.x: 0}\n"
+        f"end: {{line0.x: {problem.distance}}}\n"
         f"duration: [{problem.duration[0]}, {problem.duration[1]}]\nbounds:\n"
         f"  speed: {{line0.x: {problem.speed}}}\n"
         f"  acceleration: {{line0.x: {problem.acceleration}}}\n"

@@ -101,13 +101,13 @@ def test_a_plan_winds_a_winch():
     bounds = plan.problem.rollouts.bounds
     assert (bounds.low[length], bounds.high[length]) == (0.5, 0.9)
     assert bounds.moves.tolist() == [i == length for i in range(2)]
-    assert DrivenBounds.of(bob, fan.control.Bounds()).low[length] == 1e-3
+    assert DrivenBounds.from_bounds(bob, fan.control.Bounds()).low[length] == 1e-3
     with pytest.raises(StateError, match=r"given twice: as line\.length and line\.command\.length"):
-        DrivenBounds.of(
+        DrivenBounds.from_bounds(
             bob, fan.control.Bounds(speed={"line.length": 0.4, "line.command.length": 0.4})
         )
     with pytest.raises(UnknownNameError, match="did you mean"):
-        DrivenBounds.of(bob, fan.control.Bounds(speed={"line.lenght": 0.4}))
+        DrivenBounds.from_bounds(bob, fan.control.Bounds(speed={"line.lenght": 0.4}))
 
 
 def test_bounds_of_optimisations_accept_either_name():

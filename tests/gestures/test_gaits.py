@@ -162,7 +162,7 @@ def test_a_trotting_dachshund_keeps_its_heading_and_hardly_slides():
 
 
 def test_a_found_gait_slides_less_and_is_kept(promenade, monkeypatch):
-    first, draws = Gait(body_lead=0.0), fan.control.Draws(runs=8, generations=2)
+    first, draws = Gait(body_lead=0.0), fan.control.DrawOptions(runs=8, generations=2)
     tuned = find_gait(promenade, first, rounds=1, draws=draws)
     gait = tuned.gait
     assert (gait.pattern, gait.step_time, gait.stride) == ("walk", first.step_time, first.stride)
@@ -241,7 +241,7 @@ def test_puppets_stand_alike_in_every_direction():
 
 
 def test_steps_on_the_spot_are_searched_and_may_not_leave_it(promenade):
-    draws = fan.control.Draws(runs=3, generations=1)
+    draws = fan.control.DrawOptions(runs=3, generations=1)
     tuned = find_gait(promenade, Gait(stride=0.0), rounds=1, draws=draws)
     assert tuned.feet.wanted_distance == 0.0
     assert abs(tuned.feet.distance) < 0.02
@@ -262,7 +262,7 @@ def test_a_walk_backward_is_not_a_walk_forward(promenade):
 
 
 def test_a_gait_that_does_not_walk_has_that_status_also_from_the_cache(promenade):
-    draws = fan.control.Draws(runs=3, generations=1)
+    draws = fan.control.DrawOptions(runs=3, generations=1)
     for _ in range(2):
         tuned = find_gait(promenade, Gait(stride=0.6), rounds=1, draws=draws)
         assert not tuned and tuned.status is not WalkStatus.WALKS

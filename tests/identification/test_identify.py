@@ -68,21 +68,25 @@ def test_derivatives_agree_with_differences_of_event_driven_runs(case):
     fit = make_fit(data, 0.25, 0.0005, 1)
     point = continuous_point(fit, data.start_state(fit.inputs, float(fit.starts[0])))
     J = fit.jacobians(point).samples
-    s, m = 4, 2 * data.marionette.coordinates.n_vD
+    segment, m = 4, 2 * data.marionette.coordinates.n_vD
     _, segments, _ = fit.sample_positions(point.theta, fit.dt)
-    in_segment = np.flatnonzero(segments == s)[2:-2]
+    in_segment = np.flatnonzero(segments == segment)[2:-2]
 
     def predicted(theta):
         values = dict(zip([u.name for u in data.unknowns], theta, strict=False))
         puppet = data.marionette.with_parameters(values)
-        moved = fit.projected(point.q_D, point.v_D, theta, point.held)
-        q_K, v_K, _ = fit.inputs.evaluate(fit.starts[s])
+        projected = fit.projected_point(point.q_D, point.v_D, theta, point.active_rows)
+        q_K, v_K, _ = fit.inputs.evaluate(fit.starts[segment])
         offset = fit.offsets(theta)
         x = puppet.rest().replace(
-            t=float(fit.starts[s]), q_D=moved.q_D[s], v_D=moved.v_D[s], q_K=q_K + offset, v_K=v_K
+            t=float(fit.starts[segment]),
+            q_D=projected.q_D[segment],
+            v_D=projected.v_D[segment],
+            q_K=q_K + offset,
+            v_K=v_K,
         )
         x = puppet.project(x)
-        inputs = _moved(fit.inputs, offset)
+        inputs = _with_offset(fit.inputs, offset)
         t = fit.t[in_segment] - fit.delay_of(theta)
         run = fan.simulate(
             puppet,
@@ -103,7 +107,7 @@ def test_derivatives_agree_with_differences_of_event_driven_runs(case):
         assert np.max(np.abs(slope - exact)) < 0.02 * np.max(np.abs(exact)) + 1e-6, name
 
 
-def _moved(inputs, offset):
+def _with_offset(inputs, offset):
     """The inputs with constants added to their scalar coordinates."""
     coef = inputs.coef.copy()
     coef[:, :, 0] += offset
@@ -126,23 +130,25 @@ def test_derivatives_of_the_steps_are_exact(case):
         change = np.zeros(len(point.theta))
         change[i] = 1e-5 * data.scales[i]
         predictions = [
-            fit.predict(fit.moved(point, np.zeros((len(point.q_D), m)), s * change))
+            fit.predict(fit.moved_point(point, np.zeros((len(point.q_D), m)), s * change))
             for s in (1, -1)
         ]
         slope = (predictions[0].y - predictions[1].y) / (2 * change[i])
         exact = J[:, :, m + i]
         assert np.max(np.abs(slope - exact)) < 5e-5 * np.max(np.abs(exact)), data.labels[i]
-    move = 1e-6 * rng.standard_normal((len(point.q_D), m))
-    predictions = [fit.predict(fit.moved(point, s * move, 0 * point.theta)) for s in (1, -1)]
+    state_changes = 1e-6 * rng.standard_normal((len(point.q_D), m))
+    predictions = [
+        fit.predict(fit.moved_point(point, s * state_changes, 0 * point.theta)) for s in (1, -1)
+    ]
     slope = 0.5 * (predictions[0].y - predictions[1].y)
-    exact = np.einsum("ncm,nm->nc", J[:, :, :m], move[segments])
+    exact = np.einsum("ncm,nm->nc", J[:, :, :m], state_changes[segments])
     assert np.max(np.abs(slope - exact)) < 1e-4 * np.max(np.abs(exact))
-    rate = 0.5 * (predictions[0].v_D - predictions[1].v_D)
-    exact = np.einsum("sim,sm->si", jacobians.end[:, m // 2 :, :m], move)
-    assert np.max(np.abs(rate - exact)) < 1e-4 * np.max(np.abs(exact))
+    end_speeds = 0.5 * (predictions[0].v_D - predictions[1].v_D)
+    exact = np.einsum("sim,sm->si", jacobians.end[:, m // 2 :, :m], state_changes)
+    assert np.max(np.abs(end_speeds - exact)) < 1e-4 * np.max(np.abs(exact))
 
 
-PENDULUM = """
+PENDULUM_YAML = """
 puppet: pendulum
 bodies:
   - name: rod
@@ -157,7 +163,7 @@ pose: {pin: 40 deg}
 """
 
 
-def swing(rng, seconds=12.0, noise=0.01):
+def swing_samples(rng, seconds=12.0, noise=0.01):
     """A freely swinging pendulum, simulated by SciPy: times, noisy angles, true parameters."""
     mass, centre, damping, inertia = 0.4, -0.3, 0.03, 0.01
     inertia_about_pin = inertia + mass * centre**2
@@ -185,8 +191,8 @@ def test_a_pendulum_is_found_as_scipy_finds_it():
     within 15 %.
     """
     rng = np.random.default_rng(5)
-    t, angle, (mass, centre, *_) = swing(rng)
-    puppet = fan.loads(PENDULUM).with_parameters({"mass": mass, "centre": centre + 0.02})
+    t, angle, (mass, centre, *_) = swing_samples(rng)
+    puppet = fan.loads(PENDULUM_YAML).with_parameters({"mass": mass, "centre": centre + 0.02})
     puppet = puppet.with_parameters({"damping": 0.02})
 
     def misfit(theta):
@@ -225,8 +231,10 @@ def test_a_pendulum_is_found_as_scipy_finds_it():
 def test_undetermined_combinations_of_a_pendulum_are_named():
     """Angles determine only the ratio of mass and damping: a common factor changes nothing."""
     rng = np.random.default_rng(6)
-    text = PENDULUM.replace("inertia: [0.01, 0.01, 0.0001]", "inertia: [1.0e-9, 1.0e-9, 1.0e-9]")
-    t, angle, _ = swing(rng)
+    text = PENDULUM_YAML.replace(
+        "inertia: [0.01, 0.01, 0.0001]", "inertia: [1.0e-9, 1.0e-9, 1.0e-9]"
+    )
+    t, angle, _ = swing_samples(rng)
     data = fan.lab.Record(
         fan.loads(text),
         fan.Input.hold(fan.loads(text), float(t[-1])),
@@ -240,7 +248,7 @@ def test_undetermined_combinations_of_a_pendulum_are_named():
     assert set(parts) == {"mass", "damping"}
     # Parts are relative to the larger of the first and the estimated value, their ratio to the
     # estimates.
-    sizes = data.sizes(estimate.values)
+    sizes = data.scales_at(estimate.values)
     mass, damping = (parts[n] * sizes[i] / estimate[n] for i, n in enumerate(("mass", "damping")))
     assert abs(mass / damping - 1.0) < 0.02
     centre = (0.01 + 0.4 * 0.3**2) / (0.4 * 0.3)  # of a point mass that swings like the rod
@@ -251,7 +259,7 @@ def test_undetermined_combinations_of_a_pendulum_are_named():
     assert "only together" in estimate.summary()
 
 
-def scaled_case():
+def case_with_unknown_masses():
     """An arm with unknown masses, damping and drag."""
     truth = {
         "shoulder_damping": 2.4e-3,
@@ -269,7 +277,7 @@ def test_only_forces_determine_the_scale_of_masses():
     """A common factor of masses and damping changes no motion; a tension or one known mass
     determines it.
     """
-    case = scaled_case()
+    case = case_with_unknown_masses()
     without_tension = fan.identify(record(case, 10.0, 1))
     assert len(without_tension.combinations) == 1
     parts = without_tension.combinations[0].parts
@@ -287,7 +295,7 @@ def test_only_forces_determine_the_scale_of_masses():
 
 
 def test_a_known_mass_determines_the_scale():
-    case = scaled_case()
+    case = case_with_unknown_masses()
     data = record(case, 10.0, 1)
     known = [
         replace(u, about=0.11, known=1e-4) if u.name == "lower_mass" else u for u in data.unknowns
@@ -332,29 +340,30 @@ drives:
 def test_larger_motions_are_more_informative(case):
     """A motionless candidate ranks last; for the best one, errors are as predicted."""
     data = record(case, 10.0, 4)
-    still = fan.Input.hold(case.puppet, 10.0)
-    best = fan.lab.suggest_motion(data, {"still": still, "moving": data.inputs})
-    assert [c.name for c in best] == ["moving", "still"]
-    assert best[1].combinations and not best[0].combinations
+    motionless = fan.Input.hold(case.puppet, 10.0)
+    candidates = fan.lab.suggest_motion(data, {"still": motionless, "moving": data.inputs})
+    assert [c.name for c in candidates] == ["moving", "still"]
+    assert candidates[1].combinations and not candidates[0].combinations
     estimate = fan.identify(data)
     for name in arm().truth:
-        guess = best[0].deviations[name] * 2e-3 / 5e-3  # noise is guessed as 5 mm before a record
-        assert 0.4 < estimate.deviation(name) / guess < 2.5, name
+        # Noise is guessed as 5 mm before a record.
+        predicted = candidates[0].deviations[name] * 2e-3 / 5e-3
+        assert 0.4 < estimate.deviation(name) / predicted < 2.5, name
 
 
 def test_random_motions_are_tried_and_written(case, tmp_path):
     data = record(case, 5.0, 4)
-    best = fan.lab.suggest_motion(data, duration=5.0, reach=0.1, draws=1, seed=1)
-    assert len(best) == 6 and best[0].gain >= best[-1].gain
-    best[0].save(tmp_path / "best.csv")
-    again = fan.Input.load(case.puppet, tmp_path / "best.csv")
-    t = np.linspace(0.0, again.end, 50)
-    assert np.allclose(again.evaluate(t)[0], best[0].inputs.evaluate(t)[0], atol=1e-4)
+    candidates = fan.lab.suggest_motion(data, duration=5.0, reach=0.1, draws=1, seed=1)
+    assert len(candidates) == 6 and candidates[0].gain >= candidates[-1].gain
+    candidates[0].save(tmp_path / "best.csv")
+    loaded = fan.Input.load(case.puppet, tmp_path / "best.csv")
+    t = np.linspace(0.0, loaded.end, 50)
+    assert np.allclose(loaded.evaluate(t)[0], candidates[0].inputs.evaluate(t)[0], atol=1e-4)
 
 
 def test_a_length_between_joints_is_found():
     """The parameter also moves markers when the configuration does not change."""
-    text = PENDULUM.replace(
+    text = PENDULUM_YAML.replace(
         "  - name: cart",
         """  - name: tail
     parent: rod
@@ -373,8 +382,8 @@ def test_a_length_between_joints_is_found():
     pose = true_puppet.poses(samples.q_D, samples.q_K)[
         :, [link.name for link in true_puppet.tree.links].index("tail")
     ]
-    place = pose[:, :, 3] + 2e-3 * rng.standard_normal((len(t), 3))
-    columns = {f"joint.{axis}": place[:, i] for i, axis in enumerate("xyz")} | {
+    positions = pose[:, :, 3] + 2e-3 * rng.standard_normal((len(t), 3))
+    columns = {f"joint.{axis}": positions[:, i] for i, axis in enumerate("xyz")} | {
         "tail": samples["tail"] + 0.01 * rng.standard_normal(len(t))
     }
     data = fan.lab.Record(
@@ -393,8 +402,8 @@ def test_a_length_between_joints_is_found():
 
 def free_swing_record(first_guess, **options):
     """A record of a freely swinging pendulum with unknown damping."""
-    t, angle, _ = swing(np.random.default_rng(3), seconds=3.0, noise=0.05)
-    puppet = fan.loads(PENDULUM).with_parameters({"mass": 0.4, "centre": -0.3})
+    t, angle, _ = swing_samples(np.random.default_rng(3), seconds=3.0, noise=0.05)
+    puppet = fan.loads(PENDULUM_YAML).with_parameters({"mass": 0.4, "centre": -0.3})
     return fan.lab.Record(
         puppet,
         fan.Input.hold(puppet, float(t[-1])),
@@ -408,19 +417,21 @@ def free_swing_record(first_guess, **options):
 
 def test_a_small_first_guess_gives_the_same_estimate():
     """A first guess of a thirtieth of the damping leads to the same estimate as a good guess."""
-    distant_guess, near = (fan.identify(free_swing_record(about)) for about in (0.001, 0.03))
-    assert not near.combinations and not distant_guess.combinations
-    assert 0.001 < near.deviation("damping") < 0.5 * near["damping"]
-    assert abs(distant_guess["damping"] - near["damping"]) < 0.1 * near.deviation("damping")
-    assert abs(near["damping"] - 0.03) < 3.0 * near.deviation("damping")
+    distant_guess, near_guess = (fan.identify(free_swing_record(about)) for about in (0.001, 0.03))
+    assert not near_guess.combinations and not distant_guess.combinations
+    assert 0.001 < near_guess.deviation("damping") < 0.5 * near_guess["damping"]
+    assert abs(distant_guess["damping"] - near_guess["damping"]) < 0.1 * near_guess.deviation(
+        "damping"
+    )
+    assert abs(near_guess["damping"] - 0.03) < 3.0 * near_guess.deviation("damping")
 
 
 def test_a_delay_is_found_near_its_guess_and_its_bound_is_reported(case):
     """A delay of 1 s is found from a guess of 1 s; one of 0.4 s stops at the bound of 0.25 s."""
     data = record(case, 5.0, 3)
-    ahead = fan.identify(replace(data, t=data.t + 1.0, delay=1.0))
-    error = abs(ahead["delay"] - 1.0 - case.truth["delay"])
-    assert error < 4.0 * ahead.deviation("delay") < 8e-3 and not ahead.at_bound
+    delayed = fan.identify(replace(data, t=data.t + 1.0, delay=1.0))
+    error = abs(delayed["delay"] - 1.0 - case.truth["delay"])
+    assert error < 4.0 * delayed.deviation("delay") < 8e-3 and not delayed.at_bound
     estimate = fan.identify(replace(data, t=data.t + 0.4))
     assert estimate.at_bound and not estimate.converged
     assert abs(estimate["delay"] - 0.25) < 1e-3

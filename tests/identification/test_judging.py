@@ -17,7 +17,7 @@ pytestmark = pytest.mark.medium
 
 
 @pytest.fixture(scope="module")
-def good():
+def good_record():
     return record(arm(), 12.0, 3, gaps=0.1)
 
 
@@ -30,45 +30,45 @@ def test_noise_alone_is_not_doubted(seed):
     )  # 4 deviations of 700
 
 
-def test_a_turned_camera_is_doubted(good):
+def test_a_turned_camera_is_doubted(good_record):
     """The camera is turned by 1 degree: chi2 and drift do not show it, residuals and jumps do."""
-    estimate = fan.identify(turned(good, 1.0))
+    estimate = fan.identify(turned(good_record, 1.0))
     assert estimate.chi2 < 1.15 and estimate.drift < 0.5
     text = " ".join(doubts(estimate))
     assert "are correlated" in text and "tip.z" in text
     assert "go mostly to one side" in text and biased_jumps(estimate)
 
 
-def test_a_noise_level_that_is_wrong_is_doubted(good):
-    low = fan.identify(replace(good, noise={"wrist": 1e-3}))
+def test_a_noise_level_that_is_wrong_is_doubted(good_record):
+    low_noise = fan.identify(replace(good_record, noise={"wrist": 1e-3}))
     assert any(
-        "wrist.x, wrist.y, wrist.z are more than the noise" in doubt for doubt in doubts(low)
+        "wrist.x, wrist.y, wrist.z are more than the noise" in doubt for doubt in doubts(low_noise)
     )
-    high = fan.identify(replace(good, noise={"wrist": 5e-3}))
+    high_noise = fan.identify(replace(good_record, noise={"wrist": 5e-3}))
     assert any(
-        "wrist.x, wrist.y, wrist.z are less than the noise" in doubt for doubt in doubts(high)
+        "wrist.x, wrist.y, wrist.z are less than the noise" in doubt for doubt in doubts(high_noise)
     )
-    assert [column.doubtful for column in column_fits(low)] == [False] * 3 + [True] * 3 + [
+    assert [column.doubtful for column in column_fits(low_noise)] == [False] * 3 + [True] * 3 + [
         False
     ] * 3
 
 
-def test_neighbours_are_samples_of_a_column(good):
+def test_neighbours_are_samples_of_a_column(good_record):
     """The turned camera with every second row: its neighbours are two rows apart."""
-    half = np.arange(len(good.t)) % 2 == 0
-    data = turned(good, 1.0)
-    columns_ = {name: np.where(half, x, np.nan) for name, x in data.columns.items()}
-    estimate = fan.identify(replace(data, columns=columns_))
+    is_even = np.arange(len(good_record.t)) % 2 == 0
+    data = turned(good_record, 1.0)
+    columns = {name: np.where(is_even, x, np.nan) for name, x in data.columns.items()}
+    estimate = fan.identify(replace(data, columns=columns))
     assert any("are correlated" in text for text in doubts(estimate))
 
 
-def test_a_wrong_known_value_is_doubted(good):
+def test_a_wrong_known_value_is_doubted(good_record):
     """0.13 kg is claimed to 1 g, and the true mass is 0.16 kg."""
     known = [
         replace(unknown, known=1e-3) if unknown.name == "upper_mass" else unknown
-        for unknown in good.unknown
+        for unknown in good_record.unknown
     ]
-    estimate = fan.identify(replace(good, unknown=known))
+    estimate = fan.identify(replace(good_record, unknown=known))
     assert any(
         "upper_mass" in doubt and "the value known beforehand" in doubt
         for doubt in doubts(estimate)
@@ -76,7 +76,7 @@ def test_a_wrong_known_value_is_doubted(good):
     assert 0.0 < prior_shares(estimate)["upper_mass"] <= 1.0
 
 
-CART = """
+CART_YAML = """
 puppet: cart
 bodies:
 - name: cart
@@ -92,64 +92,64 @@ def test_a_missing_acceleration_is_estimated():
 
     Its residuals are partly in the jumps of the position and at the ends: 20 %.
     """
-    cart = fan.loads(CART)
+    cart = fan.loads(CART_YAML)
     t, rng = np.arange(0.2, 7.8, 1 / 60), np.random.default_rng(0)
     x = 0.5 * 0.05 * t**2 + 1e-4 * rng.standard_normal(len(t))
-    known = fan.lab.Unknown("d", about=1e-6, known=1e-6)
-    data = fan.lab.Record(cart, fan.Input.hold(cart, 8.0), t, {"rail": x}, unknown=[known])
-    first = biased_jumps(fan.identify(data))[0]
-    assert first.name == "velocity of rail" and first.unit == "m/s²"
-    assert abs(first.acceleration - 0.05) < 0.2 * 0.05
-    assert "m/s² were missing" in str(first)
+    known_damping = fan.lab.Unknown("d", about=1e-6, known=1e-6)
+    data = fan.lab.Record(cart, fan.Input.hold(cart, 8.0), t, {"rail": x}, unknown=[known_damping])
+    jump = biased_jumps(fan.identify(data))[0]
+    assert jump.name == "velocity of rail" and jump.unit == "m/s²"
+    assert abs(jump.acceleration - 0.05) < 0.2 * 0.05
+    assert "m/s² were missing" in str(jump)
 
 
 def test_units_follow_from_the_keys_of_numbers():
-    def number(name):
+    def parameter(name):
         return {"parameter": name, "value": 1.0}
 
     data = {
-        "gravity": [0, 0, number("g")],
+        "gravity": [0, 0, parameter("g")],
         "bodies": [
             {
                 "name": "a",
-                "mass": number("m"),
-                "com": [0, 0, number("c")],
-                "inertia": [number("i"), 1, 1],
-                "drag": {"quadratic": number("q")},
-                "joint": {"type": "ball", "damping": number("turning")},
-                "shapes": [{"density": number("rho")}],
+                "mass": parameter("m"),
+                "com": [0, 0, parameter("c")],
+                "inertia": [parameter("i"), 1, 1],
+                "drag": {"quadratic": parameter("q")},
+                "joint": {"type": "ball", "damping": parameter("turning")},
+                "shapes": [{"density": parameter("rho")}],
             },
             {
                 "name": "b",
                 "joint": {
                     "type": "prismatic",
-                    "damping": number("sliding"),
-                    "spring": {"stiffness": number("k"), "rest": number("r")},
+                    "damping": parameter("sliding"),
+                    "spring": {"stiffness": parameter("k"), "rest": parameter("r")},
                 },
             },
-            {"name": "c", "joint": {"type": "free", "damping": number("both")}},
+            {"name": "c", "joint": {"type": "free", "damping": parameter("both")}},
         ],
         "strings": [
             {
-                "length": number("l"),
-                "restitution": number("e"),
-                "chain": {"stiffness": number("EA"), "mass": number("cord")},
+                "length": parameter("l"),
+                "restitution": parameter("e"),
+                "chain": {"stiffness": parameter("EA"), "mass": parameter("cord")},
             }
         ],
-        "springs": [{"stiffness": number("rubber")}],
+        "springs": [{"stiffness": parameter("rubber")}],
         "drives": [
             {
                 "on": ["s.length"],
                 "drum": 0.01,
-                "friction": {"viscous": number("wound")},
-                "control": {"stiffness": number("pd")},
+                "friction": {"viscous": parameter("wound")},
+                "control": {"stiffness": parameter("pd")},
             },
-            {"on": "s.x", "friction": {"coulomb": number("carriage")}},
-            {"on": "bar", "control": {"stiffness": number("turned")}},
+            {"on": "s.x", "friction": {"coulomb": parameter("carriage")}},
+            {"on": "bar", "control": {"stiffness": parameter("turned")}},
         ],
     }
-    kinds = {"s.length": "m", "s.x": "m", "bar": "rad"}
-    assert parameter_units(data, kinds) == {
+    coordinate_units = {"s.length": "m", "s.x": "m", "bar": "rad"}
+    assert parameter_units(data, coordinate_units) == {
         "g": "m/s²",
         "m": "kg",
         "c": "m",

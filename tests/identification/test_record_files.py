@@ -25,10 +25,10 @@ from fantoccini.model.puppet.written import parameters
 
 pytestmark = pytest.mark.medium
 
-PLAIN = ARM.replace("{parameter: upper_mass, value: 0.13}", "0.13 # weighed badly").replace(
+PUPPET_YAML = ARM.replace("{parameter: upper_mass, value: 0.13}", "0.13 # weighed badly").replace(
     "{parameter: lower_mass, value: 0.12}", "0.1"
 )
-TEXT = """\
+RECORD_YAML = """\
 record: swing
 puppet: arm.yaml
 samples: swing.csv
@@ -49,33 +49,33 @@ delay: find
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     """A record of the arm with its puppet and samples; the commands are columns of the samples."""
-    place = tmp_path_factory.mktemp("record")
-    (place / "arm.yaml").write_text(PLAIN, encoding="utf-8")
-    (place / "swing.yaml").write_text(TEXT, encoding="utf-8")
+    record_folder = tmp_path_factory.mktemp("record")
+    (record_folder / "arm.yaml").write_text(PUPPET_YAML, encoding="utf-8")
+    (record_folder / "swing.yaml").write_text(RECORD_YAML, encoding="utf-8")
     data = record(arm(), 8.0, 7)
-    around = np.arange(0.0, data.t[0], 0.02), data.t, np.arange(data.t[-1] + 0.02, 8, 0.02)
-    t = np.concatenate(around)
+    time_intervals = np.arange(0.0, data.t[0], 0.02), data.t, np.arange(data.t[-1] + 0.02, 8, 0.02)
+    t = np.concatenate(time_intervals)
     q_K, _, _ = data.inputs.evaluate(t)
     columns: dict = {"time": t.tolist()}
     for q, name in enumerate(data.marionette.coordinates.q_K):
         columns[name] = q_K[:, q].tolist()
-    inside = np.isin(t, data.t)
+    is_sampled = np.isin(t, data.t)
     for name, values in data.columns.items():
         cells = np.full(len(t), np.nan)
-        cells[inside] = values
+        cells[is_sampled] = values
         cells[200:230] = np.nan
         columns[name] = ["" if np.isnan(x) else repr(float(x)) for x in cells]
-    write_table(columns, place / "swing.csv")
-    return place
+    write_table(columns, record_folder / "swing.csv")
+    return record_folder
 
 
 def test_a_record_is_found_and_the_puppet_written(folder, tmp_path):
     out, report = tmp_path / "found.yaml", tmp_path / "found.json"
-    done = CliRunner().invoke(
+    command = CliRunner().invoke(
         app, ["identify", str(folder / "swing.yaml"), "--out", str(out), "--report", str(report)]
     )
-    assert done.exit_code == 0, done.output
-    assert "upper.mass" in done.output and "delay" in done.output
+    assert command.exit_code == 0, command.output
+    assert "upper.mass" in command.output and "delay" in command.output
     data = json.loads(report.read_text(encoding="utf-8"))
     low, high = data["numbers"]["upper.mass"]["interval"]
     assert low - 0.004 < 0.16 < high + 0.004
@@ -83,8 +83,8 @@ def test_a_record_is_found_and_the_puppet_written(folder, tmp_path):
     text = out.read_text(encoding="utf-8")
     assert "# weighed badly" in text
     marionette = fan.load(out)
-    apart = abs(marionette.tree.parameters["tie"] + 0.305)
-    assert apart < 4 * data["numbers"]["tie"]["standard_deviation"] < 4e-3
+    error = abs(marionette.tree.parameters["tie"] + 0.305)
+    assert error < 4 * data["numbers"]["tie"]["standard_deviation"] < 4e-3
     assert abs(marionette.mass - 0.1 - data["numbers"]["upper.mass"]["value"]) < 1e-6
 
 
@@ -92,7 +92,7 @@ def test_the_schema_accepts_valid_records():
     from ruamel.yaml import YAML
 
     validator = Draft202012Validator(record_schema())
-    assert not list(validator.iter_errors(YAML(typ="safe").load(TEXT)))
+    assert not list(validator.iter_errors(YAML(typ="safe").load(RECORD_YAML)))
 
 
 MISTAKES = [
@@ -150,14 +150,14 @@ MISTAKES = [
 
 @pytest.mark.parametrize(("old", "new", "message"), MISTAKES)
 def test_mistakes_have_their_place(folder, old, new, message):
-    assert old in TEXT
+    assert old in RECORD_YAML
     path = folder / "swing.yaml"
-    path.write_text(TEXT.replace(old, new, 1), encoding="utf-8")
+    path.write_text(RECORD_YAML.replace(old, new, 1), encoding="utf-8")
     try:
         with pytest.raises(FileError, match=message):
             fan.lab.load_record(path)
     finally:
-        path.write_text(TEXT, encoding="utf-8")
+        path.write_text(RECORD_YAML, encoding="utf-8")
 
 
 @pytest.mark.parametrize(
@@ -172,7 +172,7 @@ def test_a_wrong_time_has_its_line(folder, time, message):
     lines = (folder / "swing.csv").read_text(encoding="utf-8").splitlines()
     lines[4] = ",".join([time, *lines[4].split(",")[1:]])
     (folder / "bad.csv").write_text("\n".join(lines), encoding="utf-8")
-    (folder / "bad.yaml").write_text(TEXT.replace("swing.csv", "bad.csv"), encoding="utf-8")
+    (folder / "bad.yaml").write_text(RECORD_YAML.replace("swing.csv", "bad.csv"), encoding="utf-8")
     with pytest.raises(FileError, match=rf"bad\.csv:5: time\[3\]: {message}"):
         fan.lab.load_record(folder / "bad.yaml")
 
@@ -181,7 +181,7 @@ def test_samples_beyond_the_inputs_are_refused(folder):
     (folder / "short.yaml").write_text(
         "coordinates: {hand.length: [[0, 1.0], [5, 0.9]]}\n", encoding="utf-8"
     )
-    text = TEXT.replace("samples:", "inputs: short.yaml\nsamples:")
+    text = RECORD_YAML.replace("samples:", "inputs: short.yaml\nsamples:")
     (folder / "cut.yaml").write_text(text, encoding="utf-8")
     with pytest.raises(FileError, match=r"cut\.yaml:3: inputs: .* 7\.78.* from 0 s to 5 s"):
         fan.lab.load_record(folder / "cut.yaml")
@@ -198,27 +198,33 @@ def test_coordinates_at_rest_are_recognised(folder):
 
 
 def test_a_place_never_takes_the_name_of_a_parameter(folder):
-    text = PLAIN.replace("mass: 0.1\n", "mass: {parameter: upper_mass, value: 0.1}\n")
-    assert text != PLAIN
+    text = PUPPET_YAML.replace("mass: 0.1\n", "mass: {parameter: upper_mass, value: 0.1}\n")
+    assert text != PUPPET_YAML
     (folder / "clash.yaml").write_text(text, encoding="utf-8")
-    (folder / "both.yaml").write_text(TEXT.replace("arm.yaml", "clash.yaml"), encoding="utf-8")
+    (folder / "both.yaml").write_text(
+        RECORD_YAML.replace("arm.yaml", "clash.yaml"), encoding="utf-8"
+    )
     data = fan.lab.load_record(folder / "both.yaml")
     assert data.unknowns[0].name == "upper_mass_" and data.labels[0] == "upper.mass"
     assert dict(data.marionette.tree.parameters)["upper_mass"] == 0.1
 
 
 def test_noise_and_units_go_by_the_columns_of_the_file(folder):
-    new = """noise: {wrist.x: 0.01, middle: 0.004}
+    options = """noise: {wrist.x: 0.01, middle: 0.004}
 columns: {hand.length: {unit: mm}}
 delay: {about: 0.02}
 """
-    (folder / "units.yaml").write_text(TEXT.replace("delay: find\n", new), encoding="utf-8")
-    plain, data = (fan.lab.load_record(folder / f"{name}.yaml") for name in ("swing", "units"))
+    (folder / "units.yaml").write_text(
+        RECORD_YAML.replace("delay: find\n", options), encoding="utf-8"
+    )
+    in_metres, data = (fan.lab.load_record(folder / f"{name}.yaml") for name in ("swing", "units"))
     assert data.noise == {"wrist.x": 0.01, "middle": 0.004}
-    noise = dict(zip(data.channels.names, NoiseLevels.of(data).given.tolist(), strict=True))
+    noise = dict(
+        zip(data.channels.names, NoiseLevels.from_record(data).given.tolist(), strict=True)
+    )
     assert noise["wrist.x"] == 0.01 and np.isnan(noise["wrist.y"]) and noise["middle.z"] == 0.004
     q = data.marionette.coordinates.q_K.index("hand.length")
-    lengths = [x.inputs.evaluate(3.0)[0][q] for x in (plain, data)]
+    lengths = [x.inputs.evaluate(3.0)[0][q] for x in (in_metres, data)]
     assert np.isclose(lengths[1], 1e-3 * lengths[0])
     assert data.find_delay and data.delay == 0.02 and data.initial_values[-1] == 0.02
 
@@ -233,7 +239,7 @@ def test_names_of_twins_have_their_side():
         find_number(data, "hand_right.mass")
 
 
-BARE = """\
+BARE_YAML = """\
 puppet: bare   # as it was
 bodies:
 - {name: a, mass: 0.5,   com: [0, 0,   -0.1]}   # kept
@@ -246,7 +252,7 @@ bodies:
 
 
 def test_a_written_puppet_differs_in_its_numbers_alone(tmp_path):
-    data = read_text(BARE).data
+    data = read_text(BARE_YAML).data
     changes = {
         "a.mass": 0.25,
         "a.com.z": -0.2,
@@ -257,10 +263,10 @@ def test_a_written_puppet_differs_in_its_numbers_alone(tmp_path):
         "c.mass": 1.0,
     }
     write_numbers(
-        BARE, {find_number(data, k): x for k, x in changes.items()}, tmp_path / "out.yaml"
+        BARE_YAML, {find_number(data, k): x for k, x in changes.items()}, tmp_path / "out.yaml"
     )
     text = (tmp_path / "out.yaml").read_text(encoding="utf-8")
-    expected = BARE.replace("0.5,", "0.25,").replace("-0.1]", "-0.2]").replace("3e-1", "0.125")
+    expected = BARE_YAML.replace("0.5,", "0.25,").replace("-0.1]", "-0.2]").replace("3e-1", "0.125")
     expected = expected.replace("name: j, ", "name: j, damping: 0.01, ")
     expected = expected.replace("   joint:", "   drag: {linear: 0.5, angular: 1e-05}\n   joint:")
     expected = expected.replace("-    name: c", "-    mass: 1\n     name: c")
@@ -269,9 +275,9 @@ def test_a_written_puppet_differs_in_its_numbers_alone(tmp_path):
 
 def test_a_number_that_others_share_is_not_written(tmp_path):
     text = "bodies:\n- {name: a, mass: &same 0.5}\n- {name: b, mass: *same}\n"
-    mark = find_number(read_text(text).data, "b.mass")
+    number = find_number(read_text(text).data, "b.mass")
     with pytest.raises(StateError, match=r"bodies\.1\.mass in line 2 is .* write the number out"):
-        write_numbers(text, {mark: 1.0}, tmp_path / "out.yaml")
+        write_numbers(text, {number: 1.0}, tmp_path / "out.yaml")
     assert not list(tmp_path.iterdir())
 
 
@@ -287,14 +293,14 @@ def test_a_written_marionette_keeps_its_layout(tmp_path):
     assert all("value" in old and f"{1.25 * value:.7g}" in new for old, new in changed)
 
 
-def identify(*options):
+def run_identify(*options):
     return CliRunner().invoke(app, ["identify", *map(str, options)])
 
 
 def test_the_report_is_a_page_or_numbers_by_its_ending(folder, tmp_path):
     page = tmp_path / "found.HTML"
-    done = identify(folder / "swing.yaml", "--report", page)
-    assert done.exit_code == 0, done.output
+    command = run_identify(folder / "swing.yaml", "--report", page)
+    assert command.exit_code == 0, command.output
     text = page.read_text(encoding="utf-8")
     assert text.startswith("<!DOCTYPE html>") and "<h1>swing</h1>" in text
     assert all(f"<td>{name}</td>" in text for name in ("upper.mass", "tie", "tip.at.z", "wrist.y"))
@@ -303,11 +309,11 @@ def test_the_report_is_a_page_or_numbers_by_its_ending(folder, tmp_path):
 def test_doubts_have_an_exit_code(folder):
     """All numbers are determined and the search converges, but residuals exceed the noise."""
     path = folder / "quiet.yaml"
-    path.write_text(TEXT + "noise: {wrist.x: 0.0005}\n", encoding="utf-8")
-    done = identify(path)
-    assert "more than the noise given" in done.output
-    assert "does not determine" not in done.output and "did not converge" not in done.output
-    assert done.exit_code == 1
+    path.write_text(RECORD_YAML + "noise: {wrist.x: 0.0005}\n", encoding="utf-8")
+    command = run_identify(path)
+    assert "more than the noise given" in command.output
+    assert "does not determine" not in command.output and "did not converge" not in command.output
+    assert command.exit_code == 1
 
 
 @pytest.mark.parametrize(
@@ -327,39 +333,41 @@ def test_doubts_have_an_exit_code(folder):
 def test_outputs_and_options_are_checked_first(folder, options, message):
     (folder / "old.yaml").write_text("mine", encoding="utf-8")
     before = {path: path.read_bytes() for path in folder.iterdir()}
-    done = identify(folder / "swing.yaml", *(option.format(folder) for option in options))
-    assert done.exit_code == 2
-    assert message in " ".join(done.output.replace("│", " ").split())
+    command = run_identify(folder / "swing.yaml", *(option.format(folder) for option in options))
+    assert command.exit_code == 2
+    assert message in " ".join(command.output.replace("│", " ").split())
     assert {path: path.read_bytes() for path in folder.iterdir()} == before
 
 
 def test_a_folder_without_the_meshes_is_refused(tmp_path):
-    mesh = {"bodies": [{"shapes": [{"type": "mesh", "file": "shapes/hand.obj"}]}]}
-    assert missing_files(mesh, tmp_path) == ("shapes/hand.obj",)
+    puppet = {"bodies": [{"shapes": [{"type": "mesh", "file": "shapes/hand.obj"}]}]}
+    assert missing_files(puppet, tmp_path) == ("shapes/hand.obj",)
     (tmp_path / "shapes").mkdir()
     (tmp_path / "shapes" / "hand.obj").touch()
-    assert missing_files(mesh, tmp_path) == ()
+    assert missing_files(puppet, tmp_path) == ()
 
 
 def test_the_next_motion_is_written(folder, tmp_path):
     suggest = tmp_path / "next.csv"
-    done = identify(folder / "swing.yaml", "--suggest", suggest, "--duration", 2, "--seed", 3)
-    assert done.exit_code == 0, done.output
-    assert "Motions" in done.output and "no motion gives" not in done.output
-    assert "the inputs do not move" not in done.output
+    command = run_identify(
+        folder / "swing.yaml", "--suggest", suggest, "--duration", 2, "--seed", 3
+    )
+    assert command.exit_code == 0, command.output
+    assert "Motions" in command.output and "no motion gives" not in command.output
+    assert "the inputs do not move" not in command.output
     assert abs(fan.Input.load(arm().puppet, suggest).end - 2.0) < 0.5
 
 
 def test_uninformative_motions_are_reported(capsys):
-    still = fan.Input.hold(arm().puppet, 1.0)
-    print_motions((fan.lab.identification.Candidate("still", still, 0.0, {}, (), np.inf),))
+    motionless = fan.Input.hold(arm().puppet, 1.0)
+    print_motions((fan.lab.identification.Candidate("still", motionless, 0.0, {}, (), np.inf),))
     assert "no motion gives information" in capsys.readouterr().out
 
 
 def test_a_failed_suggestion_leaves_the_estimate(folder, tmp_path):
     """The string cannot follow these motions: the puppet is written and printed all the same."""
     out = tmp_path / "found.yaml"
-    done = identify(
+    command = run_identify(
         folder / "swing.yaml",
         "--out",
         out,
@@ -370,8 +378,8 @@ def test_a_failed_suggestion_leaves_the_estimate(folder, tmp_path):
         "--reach",
         1000,
     )
-    assert done.exit_code != 0 and not (tmp_path / "next.csv").exists()
-    assert out.exists() and "upper.mass" in done.output
+    assert command.exit_code != 0 and not (tmp_path / "next.csv").exists()
+    assert out.exists() and "upper.mass" in command.output
 
 
 def test_a_wrong_cell_has_its_line(folder):
@@ -379,7 +387,7 @@ def test_a_wrong_cell_has_its_line(folder):
     cells = lines[4].split(",")
     cells[-1] = "lots"
     (folder / "bad.csv").write_text("\n".join([*lines[:4], ",".join(cells)]), encoding="utf-8")
-    (folder / "bad.yaml").write_text(TEXT.replace("swing.csv", "bad.csv"), encoding="utf-8")
+    (folder / "bad.yaml").write_text(RECORD_YAML.replace("swing.csv", "bad.csv"), encoding="utf-8")
     with pytest.raises(FileError, match=r"bad\.csv:5: tip\.z\[3\]: found 'lots'; needed: a number"):
         fan.lab.load_record(folder / "bad.yaml")
 
@@ -410,7 +418,7 @@ def test_an_empty_last_column_is_left_out(folder):
     """Spreadsheets write a delimiter at the end of each line."""
     lines = (folder / "swing.csv").read_text(encoding="utf-8").splitlines()
     (folder / "trailing.csv").write_text("".join(f"{line},\n" for line in lines), encoding="utf-8")
-    text = TEXT.replace("swing.csv", "trailing.csv")
+    text = RECORD_YAML.replace("swing.csv", "trailing.csv")
     (folder / "trailing.yaml").write_text(text, encoding="utf-8")
     assert len(fan.lab.load_record(folder / "trailing.yaml").t) == len(lines) - 1
 

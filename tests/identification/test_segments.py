@@ -14,11 +14,11 @@ from fantoccini.lab.identification.fit import continuous_point
 from fantoccini.lab.identification.reattaching import reattach
 from fantoccini.lab.identification.search_point import Weights
 from fantoccini.lab.identification.searching import SavedJacobians
-from fantoccini.lab.identification.windows import cheaper, spread
+from fantoccini.lab.identification.windows import cheaper_windows, with_neighbours
 
 
 @pytest.fixture(scope="module")
-def setting():
+def fit_and_point():
     """A fit of a record without noise, begun at the truth, and its point."""
     case = arm()
     data = record(case, 4.0, 3, noise=0.0)
@@ -28,113 +28,119 @@ def setting():
 
 
 @pytest.mark.parametrize("extrapolated", [False, True])
-def test_selected_segments_are_predicted_as_all_are(setting, extrapolated):
+def test_selected_segments_are_predicted_as_all_are(fit_and_point, extrapolated):
     """Results of two changed states' segments alone equal those of all."""
-    fit, at = setting
+    fit, point = fit_and_point
     rng = np.random.default_rng(0)
-    selected = np.zeros(len(at.q_D), dtype=bool)
+    selected = np.zeros(len(point.q_D), dtype=bool)
     selected[[3, 4, 9]] = True
-    by = np.where(
-        selected[:, None], 0.01 * rng.standard_normal((len(selected), 2 * at.v_D.shape[1])), 0.0
+    changes = np.where(
+        selected[:, None], 0.01 * rng.standard_normal((len(selected), 2 * point.v_D.shape[1])), 0.0
     )
-    to = fit.moved(at, by, np.zeros(len(at.theta)), selected)
-    assert np.array_equal(to.q_D[~selected], at.q_D[~selected])
-    before = fit.predict(at, extrapolated=extrapolated)
-    whole = fit.predict(to, extrapolated=extrapolated)
-    part = fit.predict(to, extrapolated=extrapolated, only=selected, others=before)
+    moved = fit.moved_point(point, changes, np.zeros(len(point.theta)), selected)
+    assert np.array_equal(moved.q_D[~selected], point.q_D[~selected])
+    prediction = fit.predict(point, extrapolated=extrapolated)
+    all_segments = fit.predict(moved, extrapolated=extrapolated)
+    selected_segments = fit.predict(
+        moved, extrapolated=extrapolated, selected=selected, unselected=prediction
+    )
     for name in ("y", "q_D", "v_D"):
-        assert np.allclose(getattr(part, name), getattr(whole, name), rtol=0, atol=1e-12), name
-    assert np.max(np.abs(part.y - before.y)) > 1e-3
+        assert np.allclose(
+            getattr(selected_segments, name), getattr(all_segments, name), rtol=0, atol=1e-12
+        ), name
+    assert np.max(np.abs(selected_segments.y - prediction.y)) > 1e-3
 
 
-def test_selected_jacobians_equal_those_of_all(setting):
-    fit, at = setting
-    selected = np.zeros(len(at.q_D), dtype=bool)
+def test_selected_jacobians_equal_those_of_all(fit_and_point):
+    fit, point = fit_and_point
+    selected = np.zeros(len(point.q_D), dtype=bool)
     selected[[2, 7]] = True
-    by = np.where(selected[:, None], 0.01, np.zeros((len(selected), 8)))
-    to = fit.moved(at, by, 0.0 * at.theta, selected)
-    whole = fit.jacobians(to)
-    part = fit.jacobians(to, only=selected, others=fit.jacobians(at))
+    changes = np.where(selected[:, None], 0.01, np.zeros((len(selected), 8)))
+    moved = fit.moved_point(point, changes, 0.0 * point.theta, selected)
+    all_segments = fit.jacobians(moved)
+    selected_segments = fit.jacobians(moved, selected=selected, unselected=fit.jacobians(point))
     for name in ("samples", "begin", "end"):
-        a, b = getattr(part, name), getattr(whole, name)
+        a, b = getattr(selected_segments, name), getattr(all_segments, name)
         assert np.max(np.abs(a - b)) < 1e-9 * np.max(np.abs(b)), name
 
 
-def test_derivatives_are_renewed_at_releases(setting):
+def test_derivatives_are_renewed_at_releases(fit_and_point):
     """Two segments release a string; all are renewed after a large change of a number."""
-    fit, at = setting
-    assert np.all(at.held[3:5, 0])
-    cost = Cost(fit, at, Weights(np.full(9, 2e-3), (5e-4, 5e-3)))
-    saved, positive = SavedJacobians.at(fit, at), np.arange(len(at.theta)) < 3
-    held = at.held.copy()
-    held[3:5] = False
-    free = replace(at, held=held)
-    other = cost.regrouped(at, free)
-    assert np.flatnonzero(other).tolist() == [3, 4]
-    whole = fit.jacobians(free)
-    assert np.max(np.abs(whole.begin[3] - saved.jacobians.begin[3])) > 0.1
-    renewed = replace(saved, stale=other).renewed(fit, free, positive)
-    assert np.allclose(renewed.jacobians.begin, whole.begin, rtol=0, atol=1e-12)
-    assert np.allclose(renewed.jacobians.samples, whole.samples, rtol=0, atol=1e-9)
+    fit, point = fit_and_point
+    assert np.all(point.active_rows[3:5, 0])
+    cost = Cost(fit, point, Weights(np.full(9, 2e-3), (5e-4, 5e-3)))
+    saved, positive = SavedJacobians.at(fit, point), np.arange(len(point.theta)) < 3
+    active_rows = point.active_rows.copy()
+    active_rows[3:5] = False
+    released = replace(point, active_rows=active_rows)
+    changed = cost.changed_segments(point, released)
+    assert np.flatnonzero(changed).tolist() == [3, 4]
+    all_jacobians = fit.jacobians(released)
+    assert np.max(np.abs(all_jacobians.begin[3] - saved.jacobians.begin[3])) > 0.1
+    renewed = replace(saved, stale=changed).renew(fit, released, positive)
+    assert np.allclose(renewed.jacobians.begin, all_jacobians.begin, rtol=0, atol=1e-12)
+    assert np.allclose(renewed.jacobians.samples, all_jacobians.samples, rtol=0, atol=1e-9)
     assert not np.any(renewed.stale)
-    theta = at.theta.copy()
+    theta = point.theta.copy()
     theta[1] *= 1.2
-    distant = fit.projected(at.q_D, at.v_D, theta, at.held)
-    assert np.array_equal(renewed.renewed(fit, distant, positive).theta, theta)
+    distant = fit.projected_point(point.q_D, point.v_D, theta, point.active_rows)
+    assert np.array_equal(renewed.renew(fit, distant, positive).theta, theta)
 
 
-def test_a_badly_predicted_move_is_stale_and_a_small_one_is_not(setting):
-    fit, at = setting
-    cost = Cost(fit, at, Weights(np.full(9, 2e-3), (5e-4, 5e-3)))
-    jacobians, predicted = fit.jacobians(at), fit.predict(at)
-    n = at.v_D.shape[1]
+def test_a_badly_predicted_move_is_stale_and_a_small_one_is_not(fit_and_point):
+    fit, point = fit_and_point
+    cost = Cost(fit, point, Weights(np.full(9, 2e-3), (5e-4, 5e-3)))
+    jacobians, predicted = fit.jacobians(point), fit.predict(point)
+    n = point.v_D.shape[1]
     for size, expected in ((1e-4, []), (0.5, [6])):
-        by = np.zeros((len(at.q_D), 2 * n))
-        by[6, : n - 1] = size
-        to = fit.moved(at, by, 0.0 * at.theta)
-        stale = cost.stale(at, to, predicted, fit.predict(to), jacobians)
+        changes = np.zeros((len(point.q_D), 2 * n))
+        changes[6, : n - 1] = size
+        moved = fit.moved_point(point, changes, 0.0 * point.theta)
+        stale = cost.badly_predicted(point, moved, predicted, fit.predict(moved), jacobians)
         assert np.flatnonzero(stale).tolist() == expected, size
 
 
-def test_a_detached_segment_is_found_and_repaired(setting):
+def test_a_detached_segment_is_found_and_repaired(fit_and_point):
     """Three segments begin elsewhere, too far for small moves; their states are recovered."""
-    fit, at = setting
-    cost = Cost(fit, at, Weights(np.full(9, 2e-3), (5e-4, 5e-3)))
-    assert not np.any(cost.detached(at, fit.predict(at, extrapolated=True)))
-    q_D, v_D = at.q_D.copy(), at.v_D.copy()
+    fit, point = fit_and_point
+    cost = Cost(fit, point, Weights(np.full(9, 2e-3), (5e-4, 5e-3)))
+    assert not np.any(cost.detached_segments(point, fit.predict(point, extrapolated=True)))
+    q_D, v_D = point.q_D.copy(), point.v_D.copy()
     q_D[6:8, -1] += 0.3
     v_D[6:9] += 3.0
-    bad = fit.projected(q_D, v_D, at.theta, at.held)
-    seen = fit.predict(bad, extrapolated=True)
-    assert np.all(cost.detached(bad, seen)[6:9])
-    assert not np.any(cost.explained(bad, seen)[6:8])
-    mended = reattach(cost, bad)
-    assert np.array_equal(mended.q_D[:3], bad.q_D[:3])  # distant segments are unchanged
-    assert np.max(np.abs(mended.q_D - at.q_D)) < 2e-3
-    assert np.max(np.abs(mended.v_D - at.v_D)) < 2e-2
-    assert not np.any(cost.detached(mended, fit.predict(mended, extrapolated=True)))
+    detached = fit.projected_point(q_D, v_D, point.theta, point.active_rows)
+    prediction = fit.predict(detached, extrapolated=True)
+    assert np.all(cost.detached_segments(detached, prediction)[6:9])
+    assert not np.any(cost.explained_segments(detached, prediction)[6:8])
+    repaired = reattach(cost, detached)
+    assert np.array_equal(repaired.q_D[:3], detached.q_D[:3])  # distant segments are unchanged
+    assert np.max(np.abs(repaired.q_D - point.q_D)) < 2e-3
+    assert np.max(np.abs(repaired.v_D - point.v_D)) < 2e-2
+    assert not np.any(cost.detached_segments(repaired, fit.predict(repaired, extrapolated=True)))
 
 
-def test_a_detached_segment_costs_nothing(setting):
+def test_a_detached_segment_costs_nothing(fit_and_point):
     """Neither its samples nor the jump after it cost."""
-    fit, at = setting
-    trusted = np.ones(len(at.q_D), dtype=bool)
+    fit, point = fit_and_point
+    trusted = np.ones(len(point.q_D), dtype=bool)
     trusted[5] = False
     weights = Weights(np.full(9, 2e-3), (5e-4, 5e-3))
-    q_D = at.q_D.copy()
+    q_D = point.q_D.copy()
     q_D[5, -1] += 0.1
-    to = replace(at, q_D=q_D)
-    seen = fit.predict(to)
-    all_count, some_count = (Cost(fit, at, weights, x).parts(to, seen) for x in (None, trusted))
-    assert all_count[5] > some_count[5] + 10.0  # the samples
-    assert all_count[6] > some_count[6] + 10.0  # the jump after it; the one before it stays
-    assert some_count[5] > 10.0
+    moved = replace(point, q_D=q_D)
+    prediction = fit.predict(moved)
+    costs, trusted_costs = (
+        Cost(fit, point, weights, x).segment_costs(moved, prediction) for x in (None, trusted)
+    )
+    assert costs[5] > trusted_costs[5] + 10.0  # the samples
+    assert costs[6] > trusted_costs[6] + 10.0  # the jump after it; the one before it stays
+    assert trusted_costs[5] > 10.0
 
 
 def test_windows_are_judged_with_the_jump_after_them():
-    selected = spread(np.array([0, 0, 1, 0, 0, 0, 0, 1], dtype=bool), 1, 0)
+    selected = with_neighbours(np.array([0, 0, 1, 0, 0, 0, 0, 1], dtype=bool), 1, 0)
     assert selected.tolist() == [False, True, True, False, False, False, True, True]
-    before, after = np.ones(9), np.ones(9)
-    after[1:4] = 0.0, 0.0, 3.5  # costs less, but not with the jump after it
-    after[7] = 0.5
-    assert cheaper(selected, before, after).tolist() == [False] * 6 + [True, True]
+    costs, new_costs = np.ones(9), np.ones(9)
+    new_costs[1:4] = 0.0, 0.0, 3.5  # costs less, but not with the jump after it
+    new_costs[7] = 0.5
+    assert cheaper_windows(selected, costs, new_costs).tolist() == [False] * 6 + [True, True]

@@ -13,7 +13,7 @@ from fantoccini.lab import reduction
 from fantoccini.lab.reduction import kinetic_energy, symmetric_products, tracking
 from fantoccini.lab.reduction_states import (
     displaced,
-    drive,
+    drive_inertia,
     fit_strings,
     in_metres,
     mean_length,
@@ -27,14 +27,14 @@ from lab.toys import CART, HELD, LIFTED, RADIAL, TURNED, WINCH
 pytestmark = pytest.mark.medium
 
 
-def states(puppet, n=4, seed=1):
+def sample_states(puppet, n=4, seed=1):
     return random_states(puppet, n, np.random.default_rng(seed))
 
 
-def products_by_hand(metric, q, n_forces):
+def christoffel_products(metric, q, n_forces):
     """<grad q_i, grad q_j> by Christoffel's symbols, for the last coordinates, as a function."""
     n, G, m = len(q), sp.simplify(metric.inv()), metric
-    lower = [
+    christoffel_symbols = [
         [
             [(m[k, i].diff(q[j]) + m[k, j].diff(q[i]) - m[i, j].diff(q[k])) / 2 for k in range(n)]
             for j in range(n)
@@ -42,15 +42,18 @@ def products_by_hand(metric, q, n_forces):
         for i in range(n)
     ]
 
-    def nabla(X, Y):
-        turning = sp.zeros(n, 1)
+    def covariant_derivative(X, Y):
+        connection = sp.zeros(n, 1)
         for i in range(n):
             for j in range(n):
-                turning += X[i] * Y[j] * G * sp.Matrix(lower[i][j])
-        return Y.jacobian(sp.Matrix(q)) * X + turning
+                connection += X[i] * Y[j] * G * sp.Matrix(christoffel_symbols[i][j])
+        return Y.jacobian(sp.Matrix(q)) * X + connection
 
     fields = [G[:, k] for k in range(n - n_forces, n)]
-    return sp.lambdify([q], [[nabla(X, Y) + nabla(Y, X) for Y in fields] for X in fields])
+    return sp.lambdify(
+        [q],
+        [[covariant_derivative(X, Y) + covariant_derivative(Y, X) for Y in fields] for X in fields],
+    )
 
 
 def test_the_rod_on_a_trolley_has_the_products_of_christoffels_symbols():
@@ -59,73 +62,75 @@ def test_the_rod_on_a_trolley_has_the_products_of_christoffels_symbols():
     c = sp.cos(theta)
     inertia = 0.7
     metric = sp.Matrix([[sp.Rational(7, 20), c / 2], [c / 2, 3 + sp.Float(inertia)]])
-    by_hand = products_by_hand(metric, q, 1)
-    for x in states(cart):
-        products, outside = symmetric_products(cart, x, np.array([inertia]))
-        wanted = np.array(by_hand([x.q_D[0], x.q_K[0]]), dtype=float)[0, 0, :, 0]
-        assert products[:, 0, 0] == pytest.approx(wanted, abs=1e-13)
-        assert outside > 0.1
+    expected_products = christoffel_products(metric, q, 1)
+    for x in sample_states(cart):
+        products, outside_share = symmetric_products(cart, x, np.array([inertia]))
+        expected = np.array(expected_products([x.q_D[0], x.q_K[0]]), dtype=float)[0, 0, :, 0]
+        assert products[:, 0, 0] == pytest.approx(expected, abs=1e-13)
+        assert outside_share > 0.1
 
 
 def test_a_bob_on_a_winch_has_the_products_of_its_constraint_surface():
     """Coordinates on h = 0 are theta, x and L: xb = x + L sin(theta), zb = -L cos(theta)."""
-    winch, drives = fan.loads(WINCH), np.array([0.6, 0.9])
+    winch, inertia = fan.loads(WINCH), np.array([0.6, 0.9])
     theta, x, length = q = sp.symbols("theta x L")
-    place = sp.Matrix([x + length * sp.sin(theta), -length * sp.cos(theta)])
-    J = place.jacobian(q)
-    metric = J.T * J / 2 + sp.diag(0, *drives.tolist())
-    by_hand = products_by_hand(metric.applyfunc(sp.nsimplify), q, 2)
-    lift = sp.lambdify([q], sp.Matrix.vstack(J, sp.Matrix([[0, 1, 0], [0, 0, 1]])))
+    position = sp.Matrix([x + length * sp.sin(theta), -length * sp.cos(theta)])
+    J = position.jacobian(q)
+    metric = J.T * J / 2 + sp.diag(0, *inertia.tolist())
+    expected_products = christoffel_products(metric.applyfunc(sp.nsimplify), q, 2)
+    to_configuration = sp.lambdify([q], sp.Matrix.vstack(J, sp.Matrix([[0, 1, 0], [0, 0, 1]])))
     rng = np.random.default_rng(2)
     for state, rows in taut_states(winch, 4, rng):
         assert list(rows) == [0]
         angle = np.arctan2(state.q_D[0] - state.q_K[0], -state.q_D[1])
-        at = [angle, *state.q_K]
-        products, outside = symmetric_products(winch, state, drives, rows)
-        wanted = np.array(by_hand(at), dtype=float)[..., 0]
-        assert products == pytest.approx(np.einsum("lm,ijm->lij", lift(at), wanted), abs=1e-12)
+        coordinates = [angle, *state.q_K]
+        products, outside_share = symmetric_products(winch, state, inertia, rows)
+        expected = np.array(expected_products(coordinates), dtype=float)[..., 0]
+        assert products == pytest.approx(
+            np.einsum("lm,ijm->lij", to_configuration(coordinates), expected), abs=1e-12
+        )
         # The winch alone has <X, X> = 0: G_LL = 1 / (m + J). The carriage does not.
-        alone, _ = symmetric_products(winch, state, np.array([1e12, 0.9]), rows)
-        assert np.linalg.norm(alone[:, 1, 1]) < 1e-10
-        assert outside > 0.05
+        winch_products, _ = symmetric_products(winch, state, np.array([1e12, 0.9]), rows)
+        assert np.linalg.norm(winch_products[:, 1, 1]) < 1e-10
+        assert outside_share > 0.05
 
 
 def test_the_products_of_turning_joints_are_the_gradient_of_the_driven_block():
     """The part outside of the span is d(M^-1)_KK/dq_D, in the metric of M_DD, by differences."""
-    turned = fan.loads(TURNED)
-    n, inertia, h = turned.coordinates.n_vD, np.array([0.5] * 3 + [0.02] * 3), 1e-5
-    for x in states(turned, 2):
-        products, outside = symmetric_products(turned, x, inertia)
-        M = metric(turned, x, inertia)
+    puppet = fan.loads(TURNED)
+    n, inertia, h = puppet.coordinates.n_vD, np.array([0.5] * 3 + [0.02] * 3), 1e-5
+    for x in sample_states(puppet, 2):
+        products, outside_share = symmetric_products(puppet, x, inertia)
+        M = metric(puppet, x, inertia)
         gradient = []
-        for move in h * np.eye(n + 6)[:n]:
-            ends = [displaced(turned, x, sign * move) for sign in (1, -1)]
-            up, down = (np.linalg.inv(metric(turned, y, inertia))[n:, n:] for y in ends)
+        for change in h * np.eye(n + 6)[:n]:
+            displaced_states = [displaced(puppet, x, sign * change) for sign in (1, -1)]
+            up, down = (np.linalg.inv(metric(puppet, y, inertia))[n:, n:] for y in displaced_states)
             gradient.append((up - down) / (2 * h))
         # Part of a covector on the puppet that forces on the drives cannot produce.
         covector = np.einsum("ab,bij->aij", M, products)[:n]
         assert covector == pytest.approx(np.array(gradient), abs=2e-8)
-        assert outside > 0.01
+        assert outside_share > 0.01
 
 
 def test_a_driven_bar_has_a_metric_of_its_own_and_products_inside():
     """M_KK of the bar on its free joint turns with it: the products are inside, and not 0."""
     bar = puppets.marionette_bar()
-    x = states(bar, 1)[0]
-    products, outside = symmetric_products(bar, x, np.full(6, 0.1))
+    x = sample_states(bar, 1)[0]
+    products, outside_share = symmetric_products(bar, x, np.full(6, 0.1))
     assert np.max(np.abs(products)) > 1e-3
-    assert outside < 1e-13
+    assert outside_share < 1e-13
 
 
 def test_a_slider_on_a_turning_arm_is_block_diagonal_and_yet_not_separate():
-    energy = kinetic_energy(radial := fan.loads(RADIAL), states(radial))
+    energy = kinetic_energy(radial := fan.loads(RADIAL), sample_states(radial))
     assert energy.coupling == 0.0 and energy.coupled == ()
     assert energy.M_DD_change > 0.1 and energy.M_KK_change == 0.0
 
 
 def test_the_coupling_of_the_cart_is_m_l_cos_theta():
-    energy = kinetic_energy(cart := fan.loads(CART), states(cart))
-    cosines = [abs(np.cos(x.q_D[0])) for x in states(cart)]
+    energy = kinetic_energy(cart := fan.loads(CART), sample_states(cart))
+    cosines = [abs(np.cos(x.q_D[0])) for x in sample_states(cart)]
     assert energy.coupling == pytest.approx(0.5 * max(cosines) / np.sqrt(0.35 * 3.0))
     assert energy.coupled == ("swing", "trolley")
     # v . M_KD M_DD^-1 M_DK v / v . M_KK v
@@ -133,30 +138,30 @@ def test_the_coupling_of_the_cart_is_m_l_cos_theta():
 
 
 def test_drives_weigh_as_much_as_the_puppet():
-    turned, winch = fan.loads(TURNED), fan.loads(WINCH)
-    assert list(in_metres(turned)[turned.coordinates.n_vD :]) == 3 * [True] + 3 * [False]
-    assert mean_length(turned) == 1.0
-    assert drive(turned) == pytest.approx((0.7, 0.7 * 0.1**2))  # the hand is driven
+    hand, winch = fan.loads(TURNED), fan.loads(WINCH)
+    assert list(in_metres(hand)[hand.coordinates.n_vD :]) == 3 * [True] + 3 * [False]
+    assert mean_length(hand) == 1.0
+    assert drive_inertia(hand) == pytest.approx((0.7, 0.7 * 0.1**2))  # the hand is driven
     assert mean_length(winch) == pytest.approx(np.hypot(0.3, 1.0))
-    assert drive(winch, 2.0)[0] == 1.0
+    assert drive_inertia(winch, 2.0)[0] == 1.0
 
 
 def test_winches_that_pull_on_one_bob_from_both_sides_are_tied():
-    held = fan.loads(HELD)
-    x = fit_strings(held, held.state())
-    both = tracking(held, x, np.ones(2), np.array([0, 1]))
-    assert both.tied == ("above", "below") and both.pulls_apart
-    assert both.min_acceleration == pytest.approx(0.0, abs=1e-14)
-    alone = tracking(held, x, np.ones(2), np.array([0]))
+    puppet = fan.loads(HELD)
+    x = fit_strings(puppet, puppet.state())
+    with_both = tracking(puppet, x, np.ones(2), np.array([0, 1]))
+    assert with_both.tied == ("above", "below") and with_both.pulls_apart
+    assert with_both.min_acceleration == pytest.approx(0.0, abs=1e-14)
+    with_one = tracking(puppet, x, np.ones(2), np.array([0]))
     # Mass 0.5 on a winch of inertia 1: it accelerates at 1 / 1.5 of the rate without the mass.
-    assert alone.tied == () and alone.min_acceleration == pytest.approx(1 / 1.5, abs=1e-14)
+    assert with_one.tied == () and with_one.min_acceleration == pytest.approx(1 / 1.5, abs=1e-14)
 
 
 def test_drives_of_the_file_are_replaced():
     drives = "drives:\n  - {on: line.length, mass: 2.0}\n"
-    mixed = without_drives(fan.loads(WINCH + drives))
-    assert mixed.coordinates.v_K == ("line.x", "line.length")
-    assert mixed.coordinates.n_vD == 2
+    without_file_drives = without_drives(fan.loads(WINCH + drives))
+    assert without_file_drives.coordinates.v_K == ("line.x", "line.length")
+    assert without_file_drives.coordinates.n_vD == 2
 
 
 def test_a_puppet_without_a_mechanism_is_a_mistake():
@@ -168,9 +173,9 @@ def test_a_drive_keeps_the_part_of_its_acceleration_that_the_bob_leaves():
     winch = fan.loads(WINCH)
     for x, rows in taut_states(winch, 3, np.random.default_rng(0)):
         result = tracking(winch, x, np.array([2.0, 2.0]), rows)
-        d = np.array([x.q_D[0] - x.q_K[0], x.q_D[1]]) / x.q_K[1]
+        direction = np.array([x.q_D[0] - x.q_K[0], x.q_D[1]]) / x.q_K[1]
         # The bob is moved along the string alone, by (-d_x, -1) of the drives' accelerations.
-        a = np.array([d[0], 1.0])
+        a = np.array([direction[0], 1.0])
         G = np.linalg.inv(2.0 * np.eye(2) + 0.5 * np.outer(a, a))
         assert result.min_acceleration == pytest.approx(2.0 * np.linalg.eigvalsh(G)[0], abs=1e-13)
 

@@ -23,7 +23,7 @@ class Problem:
 
     Attributes:
         lengths, masses: lengths and masses of the chain, from the trolley on [m, kg].
-        way: displacement of the trolley [m].
+        distance: displacement of the trolley [m].
         speed, acceleration: its bounds.
         duration: the shortest and the longest [s].
         N: intervals.
@@ -32,7 +32,7 @@ class Problem:
 
     lengths: tuple[float, ...]
     masses: tuple[float, ...]
-    way: float
+    distance: float
     speed: float
     acceleration: float
     duration: tuple[float, float]
@@ -49,44 +49,44 @@ def least_time(problem: Problem, guess: float, pieces: int = 1) -> float:
         pieces: polynomials in an interval.
     """
     n = len(problem.lengths)
-    rate, s = _rate(problem), 2 + 2 * n
-    tau = [0.0, *ca.collocation_points(DEGREE, "legendre")]
+    state_rate, n_states = _state_rate(problem), 2 + 2 * n
+    points = [0.0, *ca.collocation_points(DEGREE, "legendre")]
     basis = [np.poly1d([1.0])] * (DEGREE + 1)
     for j in range(DEGREE + 1):
         for r in range(DEGREE + 1):
             if r != j:
-                basis[j] = basis[j] * np.poly1d([1.0, -tau[r]]) / (tau[j] - tau[r])
-    slope = np.array([[np.polyder(b)(t) for t in tau] for b in basis])
-    end = np.array([b(1.0) for b in basis])
+                basis[j] = basis[j] * np.poly1d([1.0, -points[r]]) / (points[j] - points[r])
+    derivative_weights = np.array([[np.polyder(b)(t) for t in points] for b in basis])
+    end_weights = np.array([b(1.0) for b in basis])
 
     opti = ca.Opti()
     T, a = opti.variable(), opti.variable(problem.N)
     h = T / problem.N
-    x = opti.variable(s, problem.N + 1)
+    x = opti.variable(n_states, problem.N + 1)
     for i in range(problem.N):
-        at = x[:, i]
+        state = x[:, i]
         for _ in range(pieces):
-            inner = opti.variable(s, DEGREE)
+            inner = opti.variable(n_states, DEGREE)
             opti.set_initial(inner, 0.0)
-            both = ca.horzcat(at, inner)
+            samples = ca.horzcat(state, inner)
             for j in range(1, DEGREE + 1):
-                left = both @ slope[:, j]
-                opti.subject_to(left == h / pieces * rate(both[:, j], a[i]))
-            at = both @ end
-        opti.subject_to(x[:, i + 1] == at)
+                rate_sample = samples @ derivative_weights[:, j]
+                opti.subject_to(rate_sample == h / pieces * state_rate(samples[:, j], a[i]))
+            state = samples @ end_weights
+        opti.subject_to(x[:, i + 1] == state)
     opti.subject_to(x[:, 0] == 0.0)
-    opti.subject_to(x[:, -1] == ca.vertcat(problem.way, ca.DM.zeros(s - 1)))
+    opti.subject_to(x[:, -1] == ca.vertcat(problem.distance, ca.DM.zeros(n_states - 1)))
     opti.subject_to(opti.bounded(-problem.acceleration, a, problem.acceleration))
     opti.subject_to(opti.bounded(-problem.speed, x[1 + n, 1:-1].T, problem.speed))
     opti.subject_to(opti.bounded(problem.duration[0], T, problem.duration[1]))
     opti.minimize(T + 0.5 * problem.weight * h * ca.sumsqr(a))
     opti.set_initial(T, guess)
-    opti.set_initial(x[0, :], problem.way * np.linspace(0.0, 1.0, problem.N + 1))
+    opti.set_initial(x[0, :], problem.distance * np.linspace(0.0, 1.0, problem.N + 1))
     opti.solver("ipopt", {"print_time": False}, {"print_level": 0, "sb": "yes", "tol": 1e-9})
     return float(opti.solve().value(T))
 
 
-def _rate(problem: Problem) -> ca.Function:
+def _state_rate(problem: Problem) -> ca.Function:
     """d/dt of (trolley, angles, their rates) by (state, acceleration of the trolley)."""
     n = len(problem.lengths)
     q, v, a = ca.SX.sym("q", 1 + n), ca.SX.sym("v", 1 + n), ca.SX.sym("a")
@@ -97,8 +97,8 @@ def _rate(problem: Problem) -> ca.Function:
         kinetic += 0.5 * mass * ca.sumsqr(velocity)
         potential += mass * GRAVITY * z
     momentum = ca.jacobian(kinetic, v).T
-    left = ca.jacobian(kinetic - potential, q).T - ca.jacobian(momentum, q) @ v
+    generalised_force = ca.jacobian(kinetic - potential, q).T - ca.jacobian(momentum, q) @ v
     M = ca.jacobian(momentum, v)
-    turn = ca.solve(M[1:, 1:], left[1:] - M[1:, 0] * a)
+    angular_acc = ca.solve(M[1:, 1:], generalised_force[1:] - M[1:, 0] * a)
     state = ca.vertcat(q, v)
-    return ca.Function("rate", [state, a], [ca.vertcat(v, a, turn)])
+    return ca.Function("rate", [state, a], [ca.vertcat(v, a, angular_acc)])

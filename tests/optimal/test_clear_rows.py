@@ -49,41 +49,49 @@ obstacles:
 def lowering(ball_arm: fan.Marionette, clearance: float | None = None) -> fan.Task:
     """The ball moves down past the post, to a place where it would touch it."""
     x0 = ball_arm.rest()
-    at = (ball_arm.pose(x0, "ball") @ [0, 0, -0.2, 1])[:3]
-    goal = at + np.array([0.12, 0.0, -0.25])
+    ball_position = (ball_arm.pose(x0, "ball") @ [0, 0, -0.2, 1])[:3]
+    target = ball_position + np.array([0.12, 0.0, -0.25])
     tracks = [
-        fan.control.Track.point("ball", goal, at=(0, 0, -0.2), weight=10, end_weight=1e3),
+        fan.control.Track.point("ball", target, at=(0, 0, -0.2), weight=10, end_weight=1e3),
         fan.control.Track.velocity("*", 0.0, weight=0.1, end_weight=10.0),
     ]
-    limits = fan.control.Bounds(acceleration=10.0, clearance=clearance).staying_taut(ball_arm, x0)
+    limits = fan.control.Bounds(acceleration=10.0, clearance=clearance).with_taut_strings(
+        ball_arm, x0
+    )
     smooth = fan.control.Smooth(1e-2, 1e-5)
     return fan.Task(ball_arm, x0, 2.0, tracks, smooth, limits, interval=0.04, dt=0.01)
 
 
 def test_clearances_of_all_parts_are_those_of_the_whole():
     puppet = fan.puppets.marionette_bar()
-    whole = Clearance(
+    whole_clearance = Clearance(
         puppet,
         [{"name": "b", "type": "box", "size": [0.2, 0.2, 0.2], "at": [0.3, 0, 0.5]}],
         self_collision=True,
     )
-    parts = whole.parts()
+    part_clearances = whole_clearance.parts()
     rest = puppet.rest()
     random = np.random.default_rng(1)
     q_D = np.repeat(rest.q_D[None], 50, axis=0)
     scalars = [q for q, _ in puppet.coordinates.scalars_D]
     q_D[:, scalars] += 0.3 * random.normal(size=(50, len(scalars)))
-    each = np.array([part.at(q_D, rest.q_K) for part in parts.values()])
-    assert len(parts) > 5 and np.min(each, axis=0) == pytest.approx(whole.at(q_D, rest.q_K))
-    assert any(name.startswith("string ") for name in parts)
+    part_distances = np.array([part.at(q_D, rest.q_K) for part in part_clearances.values()])
+    assert len(part_clearances) > 5 and np.min(part_distances, axis=0) == pytest.approx(
+        whole_clearance.at(q_D, rest.q_K)
+    )
+    assert any(name.startswith("string ") for name in part_clearances)
 
 
 def test_obstacles_of_a_task_count_as_those_of_the_file_do(ball_arm: fan.Marionette):
     task = replace(lowering(ball_arm.with_obstacles([]), 0.02), obstacles=ball_arm.puppet.obstacles)
-    own, of_file = (
-        fan.optimise(version, iterations=2) for version in (task, lowering(ball_arm, 0.02))
+    with_task_obstacles, with_file_obstacles = (
+        fan.optimise(task_version, iterations=2)
+        for task_version in (task, lowering(ball_arm, 0.02))
     )
-    assert own.cost == of_file.cost and own.violation == of_file.violation
+    assert (
+        with_task_obstacles.cost == with_file_obstacles.cost
+        and with_task_obstacles.violation == with_file_obstacles.violation
+    )
 
 
 def test_obstacles_of_a_task_are_avoided_without_a_clearance(ball_arm: fan.Marionette):
@@ -93,22 +101,22 @@ def test_obstacles_of_a_task_are_avoided_without_a_clearance(ball_arm: fan.Mario
 
 
 def test_values_and_derivatives_are_those_of_two_spheres(ball_arm: fan.Marionette):
-    rows = ClearanceRows(ball_arm, 0.02, own_body=False)
-    nodes = Nodes.still(ball_arm, ball_arm.rest().replace(q_D=np.array([0.9, -0.6])), 1.0, 2)
+    rows = ClearanceRows(ball_arm, 0.02, self_collision=False)
+    nodes = Nodes.constant(ball_arm, ball_arm.rest().replace(q_D=np.array([0.9, -0.6])), 1.0, 2)
     j = rows.names.index("ball")
     pin, swing = nodes.q_D[1]
 
-    def place(pin: float, swing: float) -> np.ndarray:
-        turned = np.array([np.sin(pin + swing), 0.0, -np.cos(pin + swing)])
-        return np.array([np.sin(pin), 0.0, -np.cos(pin)]) + 0.2 * turned
+    def ball_position(pin: float, swing: float) -> np.ndarray:
+        ball_direction = np.array([np.sin(pin + swing), 0.0, -np.cos(pin + swing)])
+        return np.array([np.sin(pin), 0.0, -np.cos(pin)]) + 0.2 * ball_direction
 
-    deviation = place(pin, swing) - POST
-    assert rows.value(nodes)[0, j] == pytest.approx(np.linalg.norm(deviation) - RADIUS, abs=1e-12)
-    normal = deviation / np.linalg.norm(deviation)
-    along = np.array([np.cos(pin + swing), 0.0, np.sin(pin + swing)])
-    by_pin = np.array([np.cos(pin), 0.0, np.sin(pin)]) + 0.2 * along
+    offset = ball_position(pin, swing) - POST
+    assert rows.value(nodes)[0, j] == pytest.approx(np.linalg.norm(offset) - RADIUS, abs=1e-12)
+    normal = offset / np.linalg.norm(offset)
+    tangent = np.array([np.cos(pin + swing), 0.0, np.sin(pin + swing)])
+    velocity_of_pin = np.array([np.cos(pin), 0.0, np.sin(pin)]) + 0.2 * tangent
     assert rows.value(nodes)[0, j] < 0.1
-    expected = [normal @ by_pin, normal @ (0.2 * along)]
+    expected = [normal @ velocity_of_pin, normal @ (0.2 * tangent)]
     assert rows.derivatives(nodes)[0, j, :2] == pytest.approx(expected, abs=1e-5)
     assert not np.any(rows.derivatives(nodes)[0, j, 2:])
 
@@ -132,10 +140,10 @@ def test_a_motion_that_begins_too_near_is_violated(ball_arm: fan.Marionette):
 
 def test_bodies_of_one_puppet_keep_apart_on_request():
     puppet = fan.puppets.marionette()
-    nodes = Nodes.still(puppet, puppet.rest(), 1.0, 1)
-    j = ClearanceRows(puppet, 0.01, own_body=True).names.index("forearm_right")
+    nodes = Nodes.constant(puppet, puppet.rest(), 1.0, 1)
+    j = ClearanceRows(puppet, 0.01, self_collision=True).names.index("forearm_right")
     clearances = [
-        ClearanceRows(puppet, 0.01, own_body=own_body).value(nodes)[0, j]
+        ClearanceRows(puppet, 0.01, self_collision=own_body).value(nodes)[0, j]
         for own_body in (True, False)
     ]
     assert clearances[0] < clearances[1]

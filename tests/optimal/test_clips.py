@@ -8,7 +8,7 @@ import pytest
 import fantoccini as fan
 from fantoccini.base import rotation
 from fantoccini.control.tasks.nodes import Nodes
-from fantoccini.control.tasks.residuals import NodeKinematics, residual_of
+from fantoccini.control.tasks.residuals import NodeKinematics, track_residual
 
 TIP = (0.3, 0.0, 0.0)
 
@@ -57,10 +57,10 @@ def test_a_clip_equals_its_run(arm: fan.Marionette, take: fan.Trajectory):
 def test_a_clip_begins_later_runs_faster_and_is_moved(arm: fan.Marionette, take: fan.Trajectory):
     clip = fan.control.Clip(take, begin=0.2, speed=2.0, by=(0.0, 0.0, 0.1))
     t = np.array([0.0, 0.2, 0.35, 0.7, 1.0])
-    then = np.array([0.0, 0.0, 0.3, 1.0, 1.0])  # its ends hold
-    run = take.resample(then)
-    moved = path(arm, fan.control.Track.point("lower", clip, at=TIP), t)
-    assert moved - tip_of(arm, run) == pytest.approx(np.tile([0.0, 0.0, 0.1], (5, 1)))
+    run_times = np.array([0.0, 0.0, 0.3, 1.0, 1.0])  # its ends hold
+    run = take.resample(run_times)
+    tip_path = path(arm, fan.control.Track.point("lower", clip, at=TIP), t)
+    assert tip_path - tip_of(arm, run) == pytest.approx(np.tile([0.0, 0.0, 0.1], (5, 1)))
     speed = path(arm, fan.control.Track.velocity("elbow", clip), t)[:, 0]
     assert speed[2] == pytest.approx(2.0 * run.v_D[2, 1])
     assert speed[0] == speed[4] == 0.0
@@ -69,16 +69,18 @@ def test_a_clip_begins_later_runs_faster_and_is_moved(arm: fan.Marionette, take:
 def test_the_residual_of_a_puppet_on_its_own_clip_is_zero(
     arm: fan.Marionette, take: fan.Trajectory
 ):
-    resting = Nodes.still(arm, take.state(0), 1.0, 10)
-    at = take.resample(resting.t)
-    nodes = Nodes(arm.coordinates, 0.0, 0.1, at.q_D, at.v_D, at.q_K, at.v_K, resting.acc_K)
+    resting = Nodes.constant(arm, take.state(0), 1.0, 10)
+    samples = take.resample(resting.t)
+    nodes = Nodes(
+        arm.coordinates, 0.0, 0.1, samples.q_D, samples.v_D, samples.q_K, samples.v_K, resting.acc_K
+    )
     for track in (
         fan.control.Track.point("lower", fan.control.Clip(take), at=TIP),
         fan.control.Track.velocity("*", fan.control.Clip(take)),
         fan.control.Track.orientation("lower", fan.control.Clip(take)),
         fan.control.Track.coordinate("elbow", fan.control.Clip(take)),
     ):
-        r = residual_of(arm, track, nodes).value(NodeKinematics(arm, nodes))
+        r = track_residual(arm, track, nodes).value(NodeKinematics(arm, nodes))
         assert r == pytest.approx(0.0 * r, abs=1e-8)
 
 
@@ -127,7 +129,7 @@ def test_invalid_clips_are_refused(arm: fan.Marionette, take: fan.Trajectory):
         fan.optimise(fan.Task(arm, arm.rest(), (1.0, 2.0), [track]))
 
 
-TASK = """\
+TASK_YAML = """\
 task: again
 puppet: arm2d
 duration: 1
@@ -139,7 +141,7 @@ tracks:
 
 def test_a_file_follows_a_saved_run(tmp_path, arm: fan.Marionette, take: fan.Trajectory):
     take.save(tmp_path / "take.npz")
-    (tmp_path / "t.yaml").write_text(TASK, encoding="utf-8")
+    (tmp_path / "t.yaml").write_text(TASK_YAML, encoding="utf-8")
     tip, elbow = fan.control.load_task(tmp_path / "t.yaml").tracks
     clip = fan.control.Clip(take, begin=0.1, by=(0.0, 0.0, 0.01))
     t = np.linspace(0.0, 1.0, 21)
@@ -163,7 +165,7 @@ def test_mistakes_have_places(
 ):
     take.save(tmp_path / "take.npz")
     path = tmp_path / "t.yaml"
-    path.write_text(TASK.replace(*change, 1), encoding="utf-8")
+    path.write_text(TASK_YAML.replace(*change, 1), encoding="utf-8")
     with pytest.raises(fan.errors.FileError) as caught:
         fan.control.load_task(path)
     (message,) = (str(mistake) for mistake in caught.value.mistakes)

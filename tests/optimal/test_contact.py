@@ -10,7 +10,7 @@ from fantoccini.control.optimal import shooting
 
 pytestmark = [pytest.mark.slow, pytest.mark.own_puppets]
 
-BLOCK = """
+BLOCK_YAML = """
 puppet: block
 floor: 0
 contact: {friction: 0.3}
@@ -23,52 +23,60 @@ strings:
 pose: {body.z: 0.05}
 """
 MASS, FRICTION, GRAVITY = 2.0, 0.3, 9.81
-WAY, SPEED, N, T = 0.4, 0.5, 25, 1.0
-WEIGHTS = 1e3, 1e2
+DISTANCE, SPEED, N, T = 0.4, 0.5, 25, 1.0
+END_WEIGHTS = 1e3, 1e2
 
 
 @pytest.fixture(scope="module")
 def block() -> fan.Marionette:
-    return fan.loads(BLOCK)
+    return fan.loads(BLOCK_YAML)
 
 
-def pulled(block: fan.Marionette, dt: float, **options) -> fan.Task:
+def pulling_task(block: fan.Marionette, dt: float, **options) -> fan.Task:
     """The block's target is 0.4 m farther after 1 s, at 0.5 m/s, with little acceleration."""
-    place, speed = WEIGHTS
+    position_weight, speed_weight = END_WEIGHTS
     return fan.Task(
         block,
         block.rest(),
         T,
         [
-            fan.control.Track.coordinate("body.x", WAY, weight=0.0, end_weight=place),
-            fan.control.Track.velocity("body.x", SPEED, weight=0.0, end_weight=speed),
+            fan.control.Track.coordinate(
+                "body.x", DISTANCE, weight=0.0, end_weight=position_weight
+            ),
+            fan.control.Track.velocity("body.x", SPEED, weight=0.0, end_weight=speed_weight),
         ],
         fan.control.Smooth(1.0, 0.0),
         fan.control.Bounds(tension={"line": (0.1, np.inf)}),
         interval=T / N,
         dt=dt,
-        guess=fan.Input.waypoints(block, {"line.x": [(0, 0.65), (2 * T, 0.65 + 2 * WAY)]}),
+        guess=fan.Input.waypoints(block, {"line.x": [(0, 0.65), (2 * T, 0.65 + 2 * DISTANCE)]}),
         **options,
     )
 
 
 def closed_form() -> tuple[np.ndarray, float]:
     """Accelerations and cost of a point mass that the string moves, by least squares."""
-    h, (place, speed) = T / N, WEIGHTS
-    displacement, rate = h * h * (N - np.arange(N) - 0.5), np.full(N, h)
-    H = h * np.eye(N) + place * np.outer(displacement, displacement) + speed * np.outer(rate, rate)
-    acc = np.linalg.solve(H, place * WAY * displacement + speed * SPEED * rate)
-    cost = 0.5 * h * acc @ acc + 0.5 * place * (displacement @ acc - WAY) ** 2
-    return acc, cost + 0.5 * speed * (rate @ acc - SPEED) ** 2
+    h, (position_weight, speed_weight) = T / N, END_WEIGHTS
+    displacement, velocity = h * h * (N - np.arange(N) - 0.5), np.full(N, h)
+    H = (
+        h * np.eye(N)
+        + position_weight * np.outer(displacement, displacement)
+        + speed_weight * np.outer(velocity, velocity)
+    )
+    acc = np.linalg.solve(
+        H, position_weight * DISTANCE * displacement + speed_weight * SPEED * velocity
+    )
+    cost = 0.5 * h * acc @ acc + 0.5 * position_weight * (displacement @ acc - DISTANCE) ** 2
+    return acc, cost + 0.5 * speed_weight * (velocity @ acc - SPEED) ** 2
 
 
 @pytest.fixture(scope="module", params=[0.01, 0.005])
-def found(request, block: fan.Marionette) -> tuple[float, fan.control.Optimum]:
-    return request.param, fan.optimise(pulled(block, request.param), cost_tolerance=0.0)
+def dt_and_optimum(request, block: fan.Marionette) -> tuple[float, fan.control.Optimum]:
+    return request.param, fan.optimise(pulling_task(block, request.param), cost_tolerance=0.0)
 
 
-def test_a_block_is_pulled_with_least_effort(found):
-    dt, best = found
+def test_a_block_is_pulled_with_least_effort(dt_and_optimum):
+    dt, best = dt_and_optimum
     acc, cost = closed_form()
     assert best.status is fan.control.AnswerStatus.SOLVED, best.summary()
     # The motion is event-driven, so no cost is below the least; derivatives are those of time
@@ -77,28 +85,28 @@ def test_a_block_is_pulled_with_least_effort(found):
     assert np.max(np.abs(best.nodes.acc_K[:, 0] - acc)) < 5.0 * dt
 
 
-def test_it_is_confirmed_by_an_event_driven_run_that_pulls_against_friction(found):
-    _, best = found
+def test_it_is_confirmed_by_an_event_driven_run_that_pulls_against_friction(dt_and_optimum):
+    _, best = dt_and_optimum
     run = best.run
     assert run.method == "event"
-    at = np.searchsorted(run.t, best.t[1:-1] + 1e-12, side="right") - 1
+    samples = np.searchsorted(run.t, best.t[1:-1] + 1e-12, side="right") - 1
     expected = MASS * (best.nodes.acc_K[1:, 0] + FRICTION * GRAVITY)
-    assert np.max(np.abs(run.tension["line"][at] - expected)) < 1e-6
+    assert np.max(np.abs(run.tension["line"][samples] - expected)) < 1e-6
 
 
 def test_an_answer_with_an_incomplete_event_driven_run_is_not_confirmed(
     block: fan.Marionette, monkeypatch: pytest.MonkeyPatch
 ):
-    simulated = shooting.uninterrupted
+    simulate = shooting.simulate_uninterrupted
 
-    def late(*arguments, method=None, **options):
+    def simulate_or_time_out(*arguments, method=None, **options):
         """Event-driven runs, which have no method argument, reach their time limit."""
         if method is None:
             raise TimeoutError
-        return simulated(*arguments, method=method, **options)
+        return simulate(*arguments, method=method, **options)
 
-    monkeypatch.setattr(shooting, "uninterrupted", late)
-    best = fan.optimise(pulled(block, 0.01), iterations=3)
+    monkeypatch.setattr(shooting, "simulate_uninterrupted", simulate_or_time_out)
+    best = fan.optimise(pulling_task(block, 0.01), iterations=3)
     assert best.status is fan.control.AnswerStatus.NO_RUN
     assert not best
     assert best.run.method == "timestepping"
@@ -110,46 +118,51 @@ def test_the_derivatives_are_those_of_the_time_steps_of_the_search(block: fan.Ma
     from fantoccini.control.tasks.chosen_parameters import ChosenParameters
     from fantoccini.control.tasks.nodes import Nodes
 
-    task = pulled(block, 0.01)
-    chosen = ChosenParameters(block, task.x0, {})
-    runs = shooting.StepRuns(TimeSteps(block, 0.01, 1, chosen, True), chosen)
-    nodes, run = runs.run(Nodes.of_input(block, task.x0, task.guess, T, N))
+    task = pulling_task(block, 0.01)
+    free_parameters = ChosenParameters(block, task.x0, {})
+    runs = shooting.StepRuns(TimeSteps(block, 0.01, 1, free_parameters, True), free_parameters)
+    nodes, run = runs.run(Nodes.from_input(block, task.x0, task.guess, T, N))
     linear = runs.linearise(nodes, runs.ends(nodes, run))
     du = 1e-5 * np.sin(np.arange(N))[:, None]
     z = np.zeros((N + 1, nodes.n_z))
     for i in range(N):
         z[i + 1] = linear.A[i] @ z[i] + linear.B[i] @ du[i]
-    ends = [runs.run(nodes.moved(0.0 * z, sign * du))[0] for sign in (1.0, -1.0)]
-    difference = ends[1].between(ends[0].q_D, ends[0].v_D, ends[0].q_K, ends[0].v_K, first=0) / 2.0
+    end_nodes = [runs.run(nodes.after_step(0.0 * z, sign * du))[0] for sign in (1.0, -1.0)]
+    difference = (
+        end_nodes[1].changes_to(
+            end_nodes[0].q_D, end_nodes[0].v_D, end_nodes[0].q_K, end_nodes[0].v_K, first_node=0
+        )
+        / 2.0
+    )
     assert np.max(np.abs(difference - z)) < 1e-4 * np.max(np.abs(z))
 
 
 def test_periodic_ends_are_the_start_moved(block: fan.Marionette):
-    task = pulled(block, 0.01, periodic={"body.x": WAY, "line.x": WAY})
+    task = pulling_task(block, 0.01, periodic={"body.x": DISTANCE, "line.x": DISTANCE})
     end, x0 = task.required_end, task.x0
     assert end is not None
-    assert end.state.q_K[0] == pytest.approx(x0.q_K[0] + WAY)
-    assert end.state.q_D[0] == pytest.approx(x0.q_D[0] + WAY)
+    assert end.state.q_K[0] == pytest.approx(x0.q_K[0] + DISTANCE)
+    assert end.state.q_D[0] == pytest.approx(x0.q_D[0] + DISTANCE)
     assert np.array_equal(end.state.q_D[1:], x0.q_D[1:])
     assert np.array_equal(end.state.v_D, x0.v_D)
 
 
 def test_mistakes_of_periodic_tasks(block: fan.Marionette):
     with pytest.raises(fan.errors.StateError, match="needed: one of them"):
-        pulled(block, 0.01, periodic={}, end=block.rest())
+        pulling_task(block, 0.01, periodic={}, end=block.rest())
     with pytest.raises(fan.errors.UnknownNameError, match=r"body\.u.*did you mean"):
-        pulled(block, 0.01, periodic={"body.u": 1.0})
+        pulling_task(block, 0.01, periodic={"body.u": 1.0})
 
 
 def test_exact_derivatives_are_refused(block: fan.Marionette):
     with pytest.raises(fan.errors.StateError, match="without contact"):
-        fan.optimise(pulled(block, 0.01), exact=True)
+        fan.optimise(pulling_task(block, 0.01), exact=True)
 
 
 def test_an_optimum_with_obstacles_is_followed_by_mpc(block: fan.Marionette):
     """Its task has the wall in its puppet; either puppet may be given."""
     wall = {"name": "wall", "type": "box", "size": [0.2, 1, 1], "at": [2, 0, 0.5]}
-    best = fan.optimise(pulled(block, 0.01, obstacles=[wall]), iterations=2)
+    best = fan.optimise(pulling_task(block, 0.01, obstacles=[wall]), iterations=2)
     steps = []
     for puppet in (block, best.marionette):
         mpc = fan.MPC(puppet, best.task, horizon=0.4, nodes=10)

@@ -19,7 +19,7 @@ from fantoccini.control.tasks.nodes import Nodes
 
 pytestmark = [pytest.mark.slow, pytest.mark.own_puppets]
 
-TIE = (-0.65, -0.5)
+TIE_RANGE = (-0.65, -0.5)
 
 
 @pytest.fixture(scope="module")
@@ -50,11 +50,11 @@ def lifting(lever: fan.Marionette, parameters: Mapping[str, Interval] | None = N
     """The winch lowers the rod's end by 0.15 rad, with little acceleration."""
     hanging = lever.rest()
     s = np.linspace(0, 1, 101)
-    down = 0.15 * (10 * s**3 - 15 * s**4 + 6 * s**5)
-    places = [
-        lever.pose(hanging.replace(q_D=hanging.q_D - [x, 0]), "rod") @ [0, 0, -1, 1] for x in down
+    angles = 0.15 * (10 * s**3 - 15 * s**4 + 6 * s**5)
+    end_points = [
+        lever.pose(hanging.replace(q_D=hanging.q_D - [x, 0]), "rod") @ [0, 0, -1, 1] for x in angles
     ]
-    path = (s, np.array(places)[:, :3])
+    path = (s, np.array(end_points)[:, :3])
     track = fan.control.Track.point("rod", path, at=(0, 0, -1), weight=100.0, end_weight=100.0)
     smooth = fan.control.Smooth(1e-2, 1e-6)
     return fan.Task(
@@ -64,24 +64,27 @@ def lifting(lever: fan.Marionette, parameters: Mapping[str, Interval] | None = N
 
 @pytest.mark.parametrize("dt", [0.001, 0.00025])
 def test_the_cost_changes_with_parameters_as_in_its_program(lever: fan.Marionette, dt: float):
-    task = lifting(lever, parameters={"tie": TIE, "load": (0.1, 2.0), "hinge": (-0.1, 0.1)})
+    task = lifting(lever, parameters={"tie": TIE_RANGE, "load": (0.1, 2.0), "hinge": (-0.1, 0.1)})
     bob = fan.control.Track.point("bob", (0.4, 0, -0.8), at=(0, 0, -0.2), weight=10.0)
     task = replace(task, tracks=[*task.tracks, bob], dt=dt)
-    chosen = ChosenParameters(lever, task.x0, task.parameters)
-    runs, objective = EventRuns(TimeSteps(lever, task.dt, 1, chosen), chosen), Objective(task)
+    free_parameters = ChosenParameters(lever, task.x0, task.parameters)
+    runs = EventRuns(TimeSteps(lever, task.dt, 1, free_parameters), free_parameters)
+    objective = Objective(task)
     acc = 0.3 * np.random.default_rng(0).normal(size=(20, 1))
-    first = replace(
-        Nodes.still(lever, task.x0, 1.0, 20), acc_K=acc, parameters=np.array([-0.55, 1.2, 0.02])
+    initial_nodes = replace(
+        Nodes.constant(lever, task.x0, 1.0, 20), acc_K=acc, parameters=np.array([-0.55, 1.2, 0.02])
     )
 
     def cost(change: np.ndarray) -> float:
-        run = runs.run(replace(first, parameters=first.parameters + change))
-        assert run is not None
-        return objective.cost(run[0], runs.ends(*run))
+        nodes_and_run = runs.run(
+            replace(initial_nodes, parameters=initial_nodes.parameters + change)
+        )
+        assert nodes_and_run is not None
+        return objective.cost(nodes_and_run[0], runs.ends(*nodes_and_run))
 
-    run = runs.run(first)
-    assert run is not None
-    nodes, ends = run[0], runs.ends(*run)
+    nodes_and_run = runs.run(initial_nodes)
+    assert nodes_and_run is not None
+    nodes, ends = nodes_and_run[0], runs.ends(*nodes_and_run)
     program = objective.program(nodes, runs.linearise(nodes, ends), 0.0, 0.0)
     n_c, n_z = 3, program.A.shape[1]
     k = program.B.shape[2]
@@ -99,16 +102,18 @@ def test_the_cost_changes_with_parameters_as_in_its_program(lever: fan.Marionett
 
 
 def test_the_place_of_a_string_is_found_along_with_the_motion(lever: fan.Marionette):
-    best = fan.optimise(lifting(lever, parameters={"tie": TIE}), cost_tolerance=0.0)
+    best = fan.optimise(lifting(lever, parameters={"tie": TIE_RANGE}), cost_tolerance=0.0)
     assert best.holds, best.summary()
 
-    def least(tie: float) -> float:
-        other = lever.with_parameters({"tie": tie})
+    def least_cost(tie: float) -> float:
+        tied_lever = lever.with_parameters({"tie": tie})
         # The path stays that of the original puppet.
-        task = replace(lifting(lever), marionette=other, x0=other.rest(lever.rest()))
+        task = replace(lifting(lever), marionette=tied_lever, x0=tied_lever.rest(lever.rest()))
         return fan.optimise(task, cost_tolerance=0.0).cost
 
-    minimum = minimize_scalar(least, bounds=TIE, method="bounded", options={"xatol": 1e-4})
+    minimum = minimize_scalar(
+        least_cost, bounds=TIE_RANGE, method="bounded", options={"xatol": 1e-4}
+    )
     assert best.parameters["tie"] == pytest.approx(minimum.x, abs=2e-3)
     assert best.cost == pytest.approx(minimum.fun, rel=1e-4)
     assert (
@@ -124,19 +129,19 @@ def test_the_place_of_a_string_is_found_along_with_the_motion(lever: fan.Marione
 
 
 def test_a_parameter_stays_within_its_bounds(lever: fan.Marionette):
-    free = fan.optimise(lifting(lever, parameters={"tie": TIE}), cost_tolerance=0.0)
-    at = free.parameters["tie"]
-    near = (-0.65, -0.595)
-    assert at > -0.595
-    best = fan.optimise(lifting(lever, parameters={"tie": near}), cost_tolerance=0.0)
+    free = fan.optimise(lifting(lever, parameters={"tie": TIE_RANGE}), cost_tolerance=0.0)
+    best_tie = free.parameters["tie"]
+    narrow_range = (-0.65, -0.595)
+    assert best_tie > -0.595
+    best = fan.optimise(lifting(lever, parameters={"tie": narrow_range}), cost_tolerance=0.0)
     assert best.parameters["tie"] == pytest.approx(-0.595, abs=1e-6)
     assert best.cost > free.cost
 
 
 def test_mistakes(lever: fan.Marionette):
     with pytest.raises(fan.errors.UnknownNameError, match="tye"):
-        fan.optimise(lifting(lever, parameters={"tye": TIE}))
+        fan.optimise(lifting(lever, parameters={"tye": TIE_RANGE}))
     with pytest.raises(fan.errors.StateError, match=r"tie is -0\.6 and is to lie from -0\.5"):
         fan.optimise(lifting(lever, parameters={"tie": (-0.5, -0.3)}))
     with pytest.raises(fan.errors.StateError, match="chooses parameters"):
-        fan.MPC(lever, lifting(lever, parameters={"tie": TIE}))
+        fan.MPC(lever, lifting(lever, parameters={"tie": TIE_RANGE}))

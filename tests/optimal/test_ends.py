@@ -12,28 +12,28 @@ pytestmark = [pytest.mark.slow, pytest.mark.long]
 SMOOTH = fan.control.Smooth(1e-2, 0.0)
 
 
-def carried(crane: fan.Marionette, end: object, **parts: object) -> fan.control.Optimum:
+def move_bob(crane: fan.Marionette, end: object, **options: object) -> fan.control.Optimum:
     """The motion of least acceleration that moves the bob to an end within 1.5 s."""
     return fan.optimise(
-        fan.Task(crane, crane.rest(), 1.5, end=end, smooth=SMOOTH, interval=0.1, **parts)
+        fan.Task(crane, crane.rest(), 1.5, end=end, smooth=SMOOTH, interval=0.1, **options)
     )
 
 
 def test_a_pose_leaves_other_coordinates_free(small_crane: fan.Marionette):
     """The bob comes to rest at a place; it costs less than if the hand has to rest above it."""
-    pose = carried(small_crane, {"bob.x": 0.4})
-    assert pose and pose.run.state(-1)["bob.x"] == pytest.approx(0.4, abs=1e-5)
-    assert np.max(np.abs(pose.run.v_D[-1])) < 1e-5
-    rest = carried(small_crane, small_crane.rest({"line.x": 0.4}))
-    assert rest and pose.cost < 0.98 * rest.cost
-    again = carried(small_crane, pose.run.state(-1))
-    assert again and again.cost == pytest.approx(pose.cost, rel=1e-4)
+    to_pose = move_bob(small_crane, {"bob.x": 0.4})
+    assert to_pose and to_pose.run.state(-1)["bob.x"] == pytest.approx(0.4, abs=1e-5)
+    assert np.max(np.abs(to_pose.run.v_D[-1])) < 1e-5
+    to_rest = move_bob(small_crane, small_crane.rest({"line.x": 0.4}))
+    assert to_rest and to_pose.cost < 0.98 * to_rest.cost
+    to_state = move_bob(small_crane, to_pose.run.state(-1))
+    assert to_state and to_state.cost == pytest.approx(to_pose.cost, rel=1e-4)
 
 
 def test_weights_of_a_pose_select_the_velocities_that_must_be_zero(small_crane: fan.Marionette):
     weights = {"speed_weight": 0.0, "driven_weight": 1.0}
     goal = fan.control.Goal.pose(small_crane, {"bob.x": 0.4}, **weights)
-    moving = carried(small_crane, goal)
+    moving = move_bob(small_crane, goal)
     assert moving and moving.run.state(-1)["bob.x"] == pytest.approx(0.4, abs=1e-5)
     assert np.max(np.abs(moving.run.v_K[-1])) < 1e-5 and np.max(np.abs(moving.run.v_D[-1])) > 1e-2
 
@@ -41,13 +41,13 @@ def test_weights_of_a_pose_select_the_velocities_that_must_be_zero(small_crane: 
 @pytest.mark.parametrize("end", [{"bob.x": (0.3, 0.4)}, lambda states: states.q_D[..., 0]])
 def test_ends_without_derivatives_are_only_for_plans(small_crane: fan.Marionette, end: object):
     with pytest.raises(fan.errors.StateError, match="which only plans support; needed: a state"):
-        carried(small_crane, end)
+        move_bob(small_crane, end)
 
 
 def test_a_pose_beyond_its_bounds_is_refused(small_crane: fan.Marionette):
     bounds = fan.control.Bounds(joint={"bob.x": (-0.1, 0.1)})
     with pytest.raises(fan.errors.StateError, match=r"bob\.x is 0\.4 at the end, beyond its"):
-        carried(small_crane, {"bob.x": 0.4}, bounds=bounds)
+        move_bob(small_crane, {"bob.x": 0.4}, bounds=bounds)
 
 
 def test_one_task_is_planned_and_optimised(small_crane: fan.Marionette):
@@ -72,10 +72,10 @@ def test_one_task_is_planned_and_optimised(small_crane: fan.Marionette):
     for seed in (0, 1):
         plan = fan.plan(task, seed=seed).polish(seconds=0.0)
         assert plan and plan.polished.reached
-        first = fan.optimise(task, guess=plan, iterations=0)
-        assert first.duration == pytest.approx(plan.duration)
-        event = plan.verify(method="event").run
-        assert first.run.q_D[-1] == pytest.approx(event.q_D[-1], abs=0.01)
+        first_iterate = fan.optimise(task, guess=plan, iterations=0)
+        assert first_iterate.duration == pytest.approx(plan.duration)
+        event_run = plan.verify(method="event").run
+        assert first_iterate.run.q_D[-1] == pytest.approx(event_run.q_D[-1], abs=0.01)
         optimum = fan.optimise(task, guess=plan, tolerance=1e-4)
         assert optimum and optimum.duration < plan.duration and optimum.end_gap < 1e-4
         assert fan.dynamics.Clearance(small_crane, [post]).nearest(optimum.run).distance > 0.004

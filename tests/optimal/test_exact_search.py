@@ -37,22 +37,25 @@ def test_the_gradient_through_catches_is_that_of_differences(arm: fan.Marionette
     task = reaching(arm, x0)
     pull = fan.control.Track.tension("hand", 2.0, weight=0.01)
     task = replace(task, duration=(0.6, 1.0), tracks=[*task.tracks, pull])
-    chosen = ChosenParameters(arm, x0, {})
-    runs, objective = ExactRuns(TimeSteps(arm, 0.005, 1, chosen), chosen), Objective(task)
+    free_parameters = ChosenParameters(arm, x0, {})
+    runs = ExactRuns(TimeSteps(arm, 0.005, 1, free_parameters), free_parameters)
+    objective = Objective(task)
     acc = np.zeros((16, 2))
     acc[:, arm.coordinates.v_K.index("hand.length")] = [-5] * 5 + [6] * 8 + [0] * 3
-    first = replace(Nodes.still(arm, x0, 0.8, 16), acc_K=acc)
+    initial_nodes = replace(Nodes.constant(arm, x0, 0.8, 16), acc_K=acc)
 
     def cost(nodes: Nodes) -> float:
-        run = runs.run(nodes)
-        assert run is not None
-        return objective.cost(run[0], runs.ends(*run))
+        nodes_and_run = runs.run(nodes)
+        assert nodes_and_run is not None
+        return objective.cost(nodes_and_run[0], runs.ends(*nodes_and_run))
 
-    run = runs.run(first)
-    assert run is not None
-    caught = [event for event in run[1].events if event.kind is fan.motion.EventKind.CATCH]
-    assert len(caught) >= 2
-    nodes, ends = run[0], runs.ends(*run)
+    nodes_and_run = runs.run(initial_nodes)
+    assert nodes_and_run is not None
+    catches = [
+        event for event in nodes_and_run[1].events if event.kind is fan.motion.EventKind.CATCH
+    ]
+    assert len(catches) >= 2
+    nodes, ends = nodes_and_run[0], runs.ends(*nodes_and_run)
     program = objective.program(nodes, runs.linearise(nodes, ends), 0.0, 0.0)
     assert not runs.reasons
     costate = np.zeros(program.A.shape[1])
@@ -67,31 +70,34 @@ def test_the_gradient_through_catches_is_that_of_differences(arm: fan.Marionette
         for j in range(2):
             change = np.zeros_like(acc)
             change[i, j] = step
-            ends_of_step = [cost(replace(first, acc_K=acc + s * change)) for s in (1.0, -1.0)]
-            slope = (ends_of_step[0] - ends_of_step[1]) / (2.0 * step)
+            shifted_costs = [
+                cost(replace(initial_nodes, acc_K=acc + s * change)) for s in (1.0, -1.0)
+            ]
+            slope = (shifted_costs[0] - shifted_costs[1]) / (2.0 * step)
             assert slopes[i, j] == pytest.approx(slope, abs=1e-6 * np.max(np.abs(slopes)))
-    longer = [cost(replace(first, interval=0.05 + s * 1e-6)) for s in (1.0, -1.0)]
-    slope = (longer[0] - longer[1]) / 2e-6
+    costs_of_lengths = [cost(replace(initial_nodes, interval=0.05 + s * 1e-6)) for s in (1.0, -1.0)]
+    slope = (costs_of_lengths[0] - costs_of_lengths[1]) / 2e-6
     assert slopes[0, -1] == pytest.approx(slope, rel=1e-5)
 
 
 def test_it_ends_at_the_optimum_of_the_run_itself(arm: fan.Marionette):
     task = reaching(arm, arm.rest())
-    steps = fan.optimise(task, cost_tolerance=0.0)
+    with_time_steps = fan.optimise(task, cost_tolerance=0.0)
     best = fan.optimise(task, cost_tolerance=0.0, exact=True)
     assert best.status is fan.control.AnswerStatus.SOLVED
-    assert best.cost < steps.cost
+    assert best.cost < with_time_steps.cost
     # At the optimum of the run, its cost rises with the square of any change.
     random = np.random.default_rng(0)
-    chosen = ChosenParameters(arm, task.x0, {})
-    runs, objective = ExactRuns(TimeSteps(arm, 0.005, 1, chosen), chosen), Objective(task)
+    free_parameters = ChosenParameters(arm, task.x0, {})
+    runs = ExactRuns(TimeSteps(arm, 0.005, 1, free_parameters), free_parameters)
+    objective = Objective(task)
     for _ in range(5):
         u = random.normal(size=best.nodes.acc_K.shape)
         costs = []
         for size in (-1e-2, 1e-2, -2e-2, 2e-2):
-            run = runs.run(replace(best.nodes, acc_K=best.nodes.acc_K + size * u))
-            assert run is not None
-            costs.append(objective.cost(run[0], runs.ends(*run)) - best.cost)
+            nodes_and_run = runs.run(replace(best.nodes, acc_K=best.nodes.acc_K + size * u))
+            assert nodes_and_run is not None
+            costs.append(objective.cost(nodes_and_run[0], runs.ends(*nodes_and_run)) - best.cost)
         assert min(costs) > 0.0
         assert abs(costs[1] - costs[0]) < 0.05 * (costs[1] + costs[0])
         assert costs[2] + costs[3] == pytest.approx(4.0 * (costs[0] + costs[1]), rel=0.05)
@@ -105,13 +111,13 @@ bodies:
 - {name: rod, parent: cart, joint: {type: revolute, axis: [0, -1, 0]}, mass: 1.0,
    com: [0, 0, -0.8], inertia: [0.1, 0.1, 0.01]}
 """)
-    goal = {"cart.x": 1.0, "rod": 0.0}
+    end_values = {"cart.x": 1.0, "rod": 0.0}
     tracks = [
         *(
             fan.control.Track.coordinate(n, q, weight=0.0, end_weight=100.0)
-            for n, q in goal.items()
+            for n, q in end_values.items()
         ),
-        *(fan.control.Track.velocity(n, weight=0.0, end_weight=100.0) for n in goal),
+        *(fan.control.Track.velocity(n, weight=0.0, end_weight=100.0) for n in end_values),
     ]
     bounds = fan.control.Bounds(acceleration=2.0)
     task = fan.Task(
@@ -123,8 +129,8 @@ bodies:
     def cost(u: np.ndarray) -> float:
         inputs = replace(best.nodes, acc_K=u[:, None]).inputs()
         run = fan.simulate(puppet, task.x0, inputs, 2.0)
-        left = [run.q_K[-1, 0] - 1.0, run.v_K[-1, 0], run.q_D[-1, 0], run.v_D[-1, 0]]
-        return 0.5 * 0.1 * float(u @ u) + 50.0 * float(np.square(left).sum())
+        end_residual = [run.q_K[-1, 0] - 1.0, run.v_K[-1, 0], run.q_D[-1, 0], run.v_D[-1, 0]]
+        return 0.5 * 0.1 * float(u @ u) + 50.0 * float(np.square(end_residual).sum())
 
     u, h = best.nodes.acc_K[:, 0], 1e-4
     assert cost(u) == pytest.approx(best.cost, rel=1e-12)

@@ -16,9 +16,9 @@ from fantoccini.control.tasks.chosen_parameters import ChosenParameters
 
 pytestmark = pytest.mark.slow
 
-MASS, WAY, g = 2.0, 0.5, 9.81
+MASS, DISTANCE, g = 2.0, 0.5, 9.81
 
-HOIST = f"""
+HOIST_YAML = f"""
 puppet: hoist
 bodies:
 - name: cage
@@ -28,7 +28,7 @@ bodies:
    com: [0, 0, -0.3], inertia: [0.01, 0.01, 0.001]}}
 """
 
-CART = """
+CART_YAML = """
 puppet: cart
 bodies:
 - name: cart
@@ -51,41 +51,45 @@ pose: {bob.z: -1.5, line.length: 0.5}
 
 @pytest.fixture(scope="module")
 def hoist() -> fan.Marionette:
-    return fan.loads(HOIST)
+    return fan.loads(HOIST_YAML)
 
 
 @pytest.fixture(scope="module")
 def cart() -> fan.Marionette:
-    return fan.loads(CART)
+    return fan.loads(CART_YAML)
 
 
-@pytest.mark.parametrize(("most", "within"), [(2.0 * MASS * g, 1e-5), (1.5 * MASS * g, 2e-3)])
-def test_a_hoist_is_as_fast_as_its_force_allows(hoist: fan.Marionette, most: float, within: float):
-    """The force from rest to rest is 0 to `most`: first the largest, then free fall."""
-    up = most / MASS - g
-    least_time = np.sqrt(2.0 * WAY * (up + g) / (up * g))
+@pytest.mark.parametrize(
+    ("max_force", "tolerance"), [(2.0 * MASS * g, 1e-5), (1.5 * MASS * g, 2e-3)]
+)
+def test_a_hoist_is_as_fast_as_its_force_allows(
+    hoist: fan.Marionette, max_force: float, tolerance: float
+):
+    """The force from rest to rest is 0 to `max_force`: first the largest, then free fall."""
+    max_acceleration = max_force / MASS - g
+    least_time = np.sqrt(2.0 * DISTANCE * (max_acceleration + g) / (max_acceleration * g))
     task = fan.Task(
         hoist,
         hoist.rest(),
         (0.3, 2.0),
         [],
         fan.control.Smooth(1e-9, 0.0),
-        fan.control.Bounds(force={"lift": (0.0, most)}),
-        end=hoist.rest({"lift": WAY}),
+        fan.control.Bounds(force={"lift": (0.0, max_force)}),
+        end=hoist.rest({"lift": DISTANCE}),
         interval=2.0 / 40,
     )
     best = fan.optimise(task, iterations=100, cost_tolerance=0.0)
     assert best.holds, best.summary()
-    assert best.run.t[-1] == pytest.approx(least_time, rel=within)
+    assert best.run.t[-1] == pytest.approx(least_time, rel=tolerance)
     effort = fan.simulate(hoist, hoist.rest(), best.inputs, best.run.t[-1]).effort["lift"]
-    assert np.min(effort) > -1e-3 and np.max(effort) < most + 1e-3
+    assert np.min(effort) > -1e-3 and np.max(effort) < max_force + 1e-3
 
 
 def test_a_winch_pulls_with_the_tension(arm: fan.Marionette):
     """The force on a string's length is minus its tension: the same bounds, the same motion."""
     x0 = arm.rest()
-    pull = arm.forward_dynamics(x0).tension[0]
-    low, high = 0.9 * pull, 1.05 * pull
+    tension = arm.forward_dynamics(x0).tension[0]
+    low, high = 0.9 * tension, 1.05 * tension
     optima = []
     for bounds in (
         fan.control.Bounds(tension={"hand": (low, high)}),
@@ -125,35 +129,39 @@ def test_forces_change_with_motions_as_in_their_rows(cart: fan.Marionette):
         dt=0.001,
         parameters={"load": (0.2, 0.8)},
     )
-    chosen, rng = ChosenParameters(cart, x0, task.parameters), np.random.default_rng(5)
-    runs = ExactRuns(TimeSteps(cart, task.dt, 1, chosen), chosen)
+    free_parameters, rng = ChosenParameters(cart, x0, task.parameters), np.random.default_rng(5)
+    runs = ExactRuns(TimeSteps(cart, task.dt, 1, free_parameters), free_parameters)
     objective = Objective(task)
-    first = first_nodes(task, chosen, None)
-    N, k = first.acc_K.shape
-    first = replace(first, acc_K=0.5 * rng.normal(size=(N, k)))
-    way, load = rng.normal(size=(N, k)), 0.3
+    initial_nodes = first_nodes(task, free_parameters, None)
+    N, k = initial_nodes.acc_K.shape
+    initial_nodes = replace(initial_nodes, acc_K=0.5 * rng.normal(size=(N, k)))
+    direction, load = rng.normal(size=(N, k)), 0.3
 
     def forces(step: float) -> np.ndarray:
         nodes = replace(
-            first, acc_K=first.acc_K + step * way, parameters=first.parameters + step * load
+            initial_nodes,
+            acc_K=initial_nodes.acc_K + step * direction,
+            parameters=initial_nodes.parameters + step * load,
         )
         run = runs.run(nodes)
         assert run is not None
         return objective.rows.values(run[0], runs.ends(*run))[0]
 
-    nodes, run = runs.run(first)
+    nodes, run = runs.run(initial_nodes)
     ends = runs.ends(nodes, run)
     effort = fan.simulate(cart, x0, nodes.inputs(), 0.5)
-    now = objective.rows.values(nodes, ends)[0]
-    assert now[0] == pytest.approx([effort.effort[name][0] for name in names], rel=1e-8)
-    linear = runs.linearise(nodes, ends).widened(np.array([1]))
+    values = objective.rows.values(nodes, ends)[0]
+    assert values[0] == pytest.approx([effort.effort[name][0] for name in names], rel=1e-8)
+    linear = runs.linearise(nodes, ends).with_constants(np.array([1]))
     assert not runs.reasons
-    by = objective.rows.derivatives(nodes, linear)[:, :, k : 2 * k + nodes.n_z + 1]
-    z = np.append(linear.start_c[:, 1] * load, load)
+    derivatives = objective.rows.derivatives(nodes, linear)[:, :, k : 2 * k + nodes.n_z + 1]
+    z = np.append(linear.dstart_c[:, 1] * load, load)
     for i in range(N):
         change = (forces(1e-5)[i] - forces(-1e-5)[i]) / 2e-5
-        assert by[i] @ np.concatenate([z, way[i]]) == pytest.approx(change, rel=2e-5, abs=2e-5)
-        z = linear.A[i] @ z + linear.B[i] @ way[i]
+        assert derivatives[i] @ np.concatenate([z, direction[i]]) == pytest.approx(
+            change, rel=2e-5, abs=2e-5
+        )
+        z = linear.A[i] @ z + linear.B[i] @ direction[i]
 
 
 def test_the_force_of_a_cart_holds_its_bounds(cart: fan.Marionette):
@@ -170,8 +178,8 @@ def test_the_force_of_a_cart_holds_its_bounds(cart: fan.Marionette):
     efforts = []
     for best in (free, bounded):
         run = fan.simulate(cart, x0, best.inputs, 1.0, save_at=best.t)
-        after = np.searchsorted(run.t, best.t[:-1] + 1e-9) - 1
-        efforts.append(float(np.max(np.abs(run.effort["rail"][after]))))
+        samples = np.searchsorted(run.t, best.t[:-1] + 1e-9) - 1
+        efforts.append(float(np.max(np.abs(run.effort["rail"][samples]))))
     assert efforts[0] > 1.0
     assert efforts[1] == pytest.approx(0.6, abs=1e-3)
     assert np.max(np.abs(run.effort["rail"])) < 0.6 + 0.05  # the rod swings between the nodes
@@ -181,7 +189,7 @@ def test_the_force_of_a_cart_holds_its_bounds(cart: fan.Marionette):
 def test_the_force_of_a_motor_is_bounded_through_its_command():
     """A lift behind a motor that follows its command by a spring and a damper."""
     lift = fan.loads(
-        HOIST.split("- {name: bob")[0]
+        HOIST_YAML.split("- {name: bob")[0]
         + """
 drives:
 - {on: lift, mass: 0.1, control: {type: pd, stiffness: 2000, damping: 120}}
@@ -210,8 +218,8 @@ drives:
 def test_coordinates_without_a_force_are_refused(arm: fan.Marionette, tmp_path):
     x0 = arm.rest()
 
-    def task(force: dict, **more) -> fan.Task:
-        return fan.Task(arm, x0, 1.0, [], bounds=fan.control.Bounds(force=force), **more)
+    def task(force: dict, **options) -> fan.Task:
+        return fan.Task(arm, x0, 1.0, [], bounds=fan.control.Bounds(force=force), **options)
 
     with pytest.raises(fan.errors.UnknownNameError, match=r"hand\.length"):
         fan.optimise(task({"hand.lenght": (-1.0, 1.0)}))

@@ -15,20 +15,20 @@ TOLERANCE = 1e-3
 """Relative distance from the other program's least time."""
 
 
-def chain(lengths: tuple[float, ...], masses: tuple[float, ...], on: str = "string"):
+def chain(lengths: tuple[float, ...], masses: tuple[float, ...], link_kind: str = "string"):
     """Bobs below a driven trolley, each on a string or a rod of the previous one."""
     lines = ["puppet: chain", "bodies:"]
-    if on == "rod":
+    if link_kind == "rod":
         lines.append("- {name: trolley, joint: {type: translation, axes: [x], driven: true}}")
         for k, (length, mass) in enumerate(zip(lengths, masses, strict=True)):
-            at = -lengths[k - 1] if k else 0.0
+            z_pin = -lengths[k - 1] if k else 0.0
             lines.append(
                 f"- {{name: bob{k}, parent: {f'bob{k - 1}' if k else 'trolley'}, mass: {mass}, "
                 f"com: [0, 0, {-length}], inertia: [0, 0, 0], "
-                f"joint: {{type: revolute, axis: [0, -1, 0], at: [0, 0, {at}]}}}}"
+                f"joint: {{type: revolute, axis: [0, -1, 0], at: [0, 0, {z_pin}]}}}}"
             )
         return fan.loads("\n".join(lines))
-    z, above = 0.0, "{driven: [x], at: [0, 0, 0]}"
+    z, upper_point = 0.0, "{driven: [x], at: [0, 0, 0]}"
     strings, pose = ["strings:"], []
     for k, (length, mass) in enumerate(zip(lengths, masses, strict=True)):
         z -= length
@@ -36,21 +36,21 @@ def chain(lengths: tuple[float, ...], masses: tuple[float, ...], on: str = "stri
             f"- {{name: bob{k}, joint: {{type: translation, axes: [x, z]}}, "
             f"shapes: [{{type: sphere, radius: 0.02, mass: {mass}}}]}}"
         )
-        own = f"{{body: bob{k}, at: [0, 0, 0]}}"
-        strings.append(f"- {{name: line{k}, path: [{own}, {above}], length: {length}}}")
-        above, pose = own, [*pose, f"bob{k}.z: {z}"]
+        bob_point = f"{{body: bob{k}, at: [0, 0, 0]}}"
+        strings.append(f"- {{name: line{k}, path: [{bob_point}, {upper_point}], length: {length}}}")
+        upper_point, pose = bob_point, [*pose, f"bob{k}.z: {z}"]
     return fan.loads("\n".join([*lines, *strings, f"pose: {{{', '.join(pose)}}}"]))
 
 
 def optimum(
-    problem: Problem, interval: float, step: float, on: str = "string"
+    problem: Problem, interval: float, dt: float, link_kind: str = "string"
 ) -> fan.control.Optimum:
-    puppet = chain(problem.lengths, problem.masses, on)
-    trolley = "trolley.x" if on == "rod" else "line0.x"
+    puppet = chain(problem.lengths, problem.masses, link_kind)
+    trolley = "trolley.x" if link_kind == "rod" else "line0.x"
     bounds = fan.control.Bounds(speed=problem.speed, acceleration=problem.acceleration)
-    x0, end = puppet.rest(), puppet.rest({trolley: problem.way})
-    if on == "string":
-        bounds = bounds.staying_taut(puppet, x0)
+    x0, end = puppet.rest(), puppet.rest({trolley: problem.distance})
+    if link_kind == "string":
+        bounds = bounds.with_taut_strings(puppet, x0)
     task = fan.Task(
         puppet,
         x0,
@@ -60,17 +60,17 @@ def optimum(
         bounds,
         end=end,
         interval=interval,
-        dt=step,
+        dt=dt,
     )
     return fan.optimise(task, time_limit=600.0)  # of a machine with other load
 
 
-def intervals(duration: tuple[float, float], interval: float) -> int:
+def interval_count(duration: tuple[float, float], interval: float) -> int:
     return math.ceil(duration[1] / interval - 1e-9)
 
 
 CASES = {
-    # lengths, masses, way, speed, acceleration, duration, interval, step, on
+    # lengths, masses, distance, speed, acceleration, duration, interval, dt, link_kind
     "short": ((1.0,), (1.0,), 0.5, 0.8, 1.0, (0.5, 3.0), 0.1, 0.05, "string"),
     "bob, 0.02 and 0.01": ((1.0,), (1.0,), 2.0, 1.0, 1.0, (1.0, 8.0), 0.02, 0.01, "string"),
     "bob, 0.05 and 0.012": ((1.0,), (1.0,), 2.0, 1.0, 1.0, (1.0, 8.0), 0.05, 0.012, "string"),
@@ -86,10 +86,10 @@ CASES = {
     "name", [n if n == "short" else pytest.param(n, marks=pytest.mark.slow) for n in CASES]
 )
 def test_the_least_time_is_that_of_collocation_on_the_same_grid(name: str):
-    lengths, masses, way, speed, acceleration, duration, interval, step, on = CASES[name]
-    N = intervals(duration, interval)
-    problem = Problem(lengths, masses, way, speed, acceleration, duration, N)
-    best = optimum(problem, interval, step, on)
+    lengths, masses, distance, speed, acceleration, duration, interval, dt, link_kind = CASES[name]
+    N = interval_count(duration, interval)
+    problem = Problem(lengths, masses, distance, speed, acceleration, duration, N)
+    best = optimum(problem, interval, dt, link_kind)
     duration_found = best.run.t[-1]
     exact_duration = least_time(problem, guess=0.5 * sum(duration))
     assert best.status is fan.control.AnswerStatus.SOLVED, best.summary()

@@ -20,17 +20,17 @@ from fantoccini.control.tasks.chosen_parameters import ChosenParameters
 
 pytestmark = pytest.mark.slow
 
-MASS, WAY, g = 2.0, 0.5, 9.81
+MASS, DISTANCE, GRAVITY = 2.0, 0.5, 9.81
 INERTIA, GEAR, DRUM, VISCOUS = 4e-5, 3.0, 0.02, 1e-5
-CONSTANT, RESISTANCE = 0.05, 1.2
-TURNS = GEAR / DRUM
+MOTOR_CONSTANT, RESISTANCE = 0.05, 1.2
+ROTOR_TURNS_PER_METRE = GEAR / DRUM
 """Turns of the rotor per metre [rad/m]."""
-MOVED = MASS + TURNS**2 * INERTIA
-DRAG = TURNS**2 * VISCOUS
+MOVED_MASS = MASS + ROTOR_TURNS_PER_METRE**2 * INERTIA
+DRAG = ROTOR_TURNS_PER_METRE**2 * VISCOUS
 """Viscous friction at the lift [N s/m]."""
-FOLLOWS = "{type: computed_torque, bandwidth: 30}"
+CONTROLLER = "{type: computed_torque, bandwidth: 30}"
 
-HOIST = f"""
+HOIST_YAML = f"""
 puppet: hoist
 bodies:
 - name: cage
@@ -42,11 +42,12 @@ drives:
   gear: {GEAR:g}
   drum: {DRUM}
   friction: {{viscous: {VISCOUS}}}
-  motor: {{type: dc, constant: {CONSTANT}, current: 100, resistance: {RESISTANCE}, voltage: 48}}
-  control: {FOLLOWS}
+  motor:
+    {{type: dc, constant: {MOTOR_CONSTANT}, current: 100, resistance: {RESISTANCE}, voltage: 48}}
+  control: {CONTROLLER}
 """
 
-CART = """
+CART_YAML = """
 puppet: cart
 bodies:
 - name: cart
@@ -82,12 +83,12 @@ pose: {bob.z: -1.5, line.length: 0.5}
 
 @pytest.fixture(scope="module")
 def hoist() -> fan.Marionette:
-    return fan.loads(HOIST)
+    return fan.loads(HOIST_YAML)
 
 
 @pytest.fixture(scope="module")
 def cart() -> fan.Marionette:
-    return fan.loads(CART)
+    return fan.loads(CART_YAML)
 
 
 def least_time(
@@ -96,8 +97,8 @@ def least_time(
     intervals: int,
     guess: fan.Input | None = None,
 ) -> fan.control.Optimum:
-    """Motion from rest to rest over WAY."""
-    end = hoist.rest({"lift.command": WAY})
+    """Motion from rest to rest over DISTANCE."""
+    end = hoist.rest({"lift.command": DISTANCE})
     task = fan.Task(
         hoist,
         hoist.rest(),
@@ -117,28 +118,32 @@ def least_time(
 def voltages(run: fan.Trajectory, drag: float = DRAG) -> np.ndarray:
     """R i + k w by Newton's law of the hoist, from the run's motion alone."""
     a, v = run.acc_D[:, 0], run.v_D[:, 0]
-    current = (MOVED * a + drag * v + MASS * g) / (TURNS * CONSTANT)
-    return RESISTANCE * current + CONSTANT * TURNS * v
+    current = (MOVED_MASS * a + drag * v + MASS * GRAVITY) / (
+        ROTOR_TURNS_PER_METRE * MOTOR_CONSTANT
+    )
+    return RESISTANCE * current + MOTOR_CONSTANT * ROTOR_TURNS_PER_METRE * v
 
 
-def by_linear_programs(current: float, voltage: float, intervals: int) -> float:
-    """Least time in which a linear program covers WAY [s]."""
+def least_time_by_linear_programs(current: float, voltage: float, intervals: int) -> float:
+    """Least time in which a linear program covers DISTANCE [s]."""
 
     def excess(T: float) -> float:
-        h, gain = T / intervals, TURNS * CONSTANT
-        after = h * np.tril(np.ones((intervals, intervals)))
-        v = np.concatenate([after - h * np.eye(intervals), after])  # where intervals begin and end
-        i = (MOVED * np.tile(np.eye(intervals), (2, 1)) + DRAG * v) / gain
-        hold = MASS * g / gain
+        h, gain = T / intervals, ROTOR_TURNS_PER_METRE * MOTOR_CONSTANT
+        velocity_gain = h * np.tril(np.ones((intervals, intervals)))
+        v = np.concatenate(
+            [velocity_gain - h * np.eye(intervals), velocity_gain]
+        )  # where intervals begin and end
+        i = (MOVED_MASS * np.tile(np.eye(intervals), (2, 1)) + DRAG * v) / gain
+        holding_current = MASS * GRAVITY / gain
         A, b = [], []
-        for rows, still, bound in (
-            (i, hold, current),
-            (RESISTANCE * i + gain * v, RESISTANCE * hold, voltage),
+        for rows, offset, limit in (
+            (i, holding_current, current),
+            (RESISTANCE * i + gain * v, RESISTANCE * holding_current, voltage),
         ):
-            if bound == np.inf:
+            if limit == np.inf:
                 continue
             A += [rows, -rows]
-            b += [np.full(2 * intervals, bound - still), np.full(2 * intervals, bound + still)]
+            b += [np.full(2 * intervals, limit - offset), np.full(2 * intervals, limit + offset)]
         displacement = h * h * (np.arange(intervals)[::-1] + 0.5)
         solution = linprog(
             -displacement,
@@ -148,26 +153,28 @@ def by_linear_programs(current: float, voltage: float, intervals: int) -> float:
             [0.0],
             bounds=(None, None),
         )
-        return -solution.fun - WAY
+        return -solution.fun - DISTANCE
 
     return brentq(excess, 0.2, 2.0, xtol=1e-11)
 
 
-def by_two_arcs(most: float) -> float:
-    """Least time with the voltages `most`, then -`most`: two exponential arcs [s]."""
-    gain = CONSTANT * TURNS
-    rate = (gain**2 / RESISTANCE + DRAG) / MOVED
+def least_time_by_two_arcs(voltage: float) -> float:
+    """Least time with `voltage`, then -`voltage`: two exponential arcs [s]."""
+    gain = MOTOR_CONSTANT * ROTOR_TURNS_PER_METRE
+    rate = (gain**2 / RESISTANCE + DRAG) / MOVED_MASS
 
-    def arc(x: float, v: float, volts: float, t: float) -> tuple[float, float]:
-        top = (gain / RESISTANCE * volts - MASS * g) / MOVED / rate
-        left = np.exp(-rate * t)
-        return x + top * t + (v - top) * (1.0 - left) / rate, top + (v - top) * left
+    def arc(x: float, v: float, arc_voltage: float, t: float) -> tuple[float, float]:
+        final_speed = (gain / RESISTANCE * arc_voltage - MASS * GRAVITY) / MOVED_MASS / rate
+        decay = np.exp(-rate * t)
+        return x + final_speed * t + (v - final_speed) * (1.0 - decay) / rate, final_speed + (
+            v - final_speed
+        ) * decay
 
-    def misses(times: np.ndarray) -> list[float]:
-        x, v = arc(*arc(0.0, 0.0, most, times[0]), -most, times[1])
-        return [x - WAY, v]
+    def end_residual(times: np.ndarray) -> list[float]:
+        x, v = arc(*arc(0.0, 0.0, voltage, times[0]), -voltage, times[1])
+        return [x - DISTANCE, v]
 
-    return float(np.sum(fsolve(misses, [0.4, 0.05], xtol=1e-13)))
+    return float(np.sum(fsolve(end_residual, [0.4, 0.05], xtol=1e-13)))
 
 
 def test_a_hoist_is_as_fast_as_its_voltage_allows(hoist: fan.Marionette):
@@ -176,13 +183,15 @@ def test_a_hoist_is_as_fast_as_its_voltage_allows(hoist: fan.Marionette):
     for intervals in (40, 80):
         best = least_time(hoist, fan.control.Bounds(voltage={"lift.command": 12.0}), intervals)
         times.append(best.run.t[-1])
-        assert times[-1] == pytest.approx(by_linear_programs(np.inf, 12.0, intervals), rel=1e-7)
+        assert times[-1] == pytest.approx(
+            least_time_by_linear_programs(np.inf, 12.0, intervals), rel=1e-7
+        )
         run = fan.simulate(hoist, hoist.rest(), best.inputs, times[-1])
         assert np.max(np.abs(voltages(run))) == pytest.approx(12.0, abs=1e-3)
-        gain = TURNS * CONSTANT
-        by_effort = RESISTANCE / gain * run.effort["lift.command"] + gain * run.v_D[:, 0]
-        assert by_effort == pytest.approx(voltages(run), abs=1e-6)
-    exact = by_two_arcs(12.0)
+        gain = ROTOR_TURNS_PER_METRE * MOTOR_CONSTANT
+        voltage_of_effort = RESISTANCE / gain * run.effort["lift.command"] + gain * run.v_D[:, 0]
+        assert voltage_of_effort == pytest.approx(voltages(run), abs=1e-6)
+    exact = least_time_by_two_arcs(12.0)
     assert times[0] > times[1] > exact
     assert 2.0 * times[1] - times[0] == pytest.approx(exact, rel=2e-3)
 
@@ -190,45 +199,53 @@ def test_a_hoist_is_as_fast_as_its_voltage_allows(hoist: fan.Marionette):
 @pytest.mark.parametrize(("current", "voltage"), [(6.0, np.inf), (4.0, 12.0), (8.0, 20.0)])
 def test_a_hoist_is_as_fast_as_its_current_and_voltage_allow(hoist, current, voltage):
     best = least_time(hoist, fan.control.Bounds(current=current, voltage=voltage), 40)
-    assert best.run.t[-1] == pytest.approx(by_linear_programs(current, voltage, 40), rel=1e-7)
+    assert best.run.t[-1] == pytest.approx(
+        least_time_by_linear_programs(current, voltage, 40), rel=1e-7
+    )
     run = fan.simulate(hoist, hoist.rest(), best.inputs, best.run.t[-1])
-    i = run.effort["lift.command"] / (TURNS * CONSTANT)
+    i = run.effort["lift.command"] / (ROTOR_TURNS_PER_METRE * MOTOR_CONSTANT)
     assert np.max(np.abs(i)) == pytest.approx(current, abs=1e-3)
     assert np.max(np.abs(voltages(run))) < voltage + 1e-3
 
 
 def test_a_search_from_a_motor_at_its_limit_returns_within_it():
     """The bound is the supply's voltage, and the initial motion needs much more."""
-    weak = fan.loads(HOIST.replace("voltage: 48", "voltage: 12"))
-    hurried = fan.Input.waypoints(weak, {"lift.command": [(0, 0.0), (0.25, WAY)]})
+    weak = fan.loads(HOIST_YAML.replace("voltage: 48", "voltage: 12"))
+    hurried = fan.Input.waypoints(weak, {"lift.command": [(0, 0.0), (0.25, DISTANCE)]})
     best = least_time(weak, fan.control.Bounds(voltage=12.0), 40, hurried)
-    assert best.run.t[-1] == pytest.approx(by_linear_programs(np.inf, 12.0, 40), rel=1e-7)
+    assert best.run.t[-1] == pytest.approx(
+        least_time_by_linear_programs(np.inf, 12.0, 40), rel=1e-7
+    )
 
 
 def test_a_drive_that_follows_takes_the_least_time_of_its_command(hoist: fan.Marionette):
-    """T = 2 sqrt(way / a), which derivatives of time steps miss behind a stiff controller."""
+    """T = 2 sqrt(distance / a), which derivatives of time steps miss behind a stiff controller."""
     best = least_time(hoist, fan.control.Bounds(acceleration=8.0), 20)
-    assert best.run.t[-1] == pytest.approx(2.0 * np.sqrt(WAY / 8.0), rel=1e-6)
+    assert best.run.t[-1] == pytest.approx(2.0 * np.sqrt(DISTANCE / 8.0), rel=1e-6)
 
 
 def test_the_requested_voltage_is_that_of_the_controller():
     """This includes states beyond the motor's limits, where the effort is smaller."""
-    weak = fan.loads(HOIST.replace(FOLLOWS, "{type: pd, stiffness: 2000, damping: 120}"))
-    near, distant = (
+    weak = fan.loads(HOIST_YAML.replace(CONTROLLER, "{type: pd, stiffness: 2000, damping: 120}"))
+    within_limit, beyond_limit = (
         weak.state({"lift": 0.0, "lift.command": e, "v:lift": 0.3}) for e in (0.02, 0.5)
     )
-    for x, exerts in ((near, True), (distant, False)):
-        at = {name: getattr(x, name) for name in ("q_D", "v_D", "q_K", "v_K")}
-        (asked,) = weak.library.evaluate("motor_demands", **at, acc_K=[0.0], p=weak.p).f_D
-        (effort,) = weak.effort(**at, acc_D=np.zeros(1), acc_K=np.zeros(1), tension=np.zeros(0))
-        assert asked == pytest.approx(2000 * (x.q_K - x.q_D)[0] + 120 * (x.v_K - x.v_D)[0])
-        assert bool(effort == pytest.approx(asked)) is exerts
+    for x, is_exerted in ((within_limit, True), (beyond_limit, False)):
+        state_arrays = {name: getattr(x, name) for name in ("q_D", "v_D", "q_K", "v_K")}
+        (requested,) = weak.library.evaluate(
+            "motor_demands", **state_arrays, acc_K=[0.0], p=weak.p
+        ).f_D
+        (effort,) = weak.effort(
+            **state_arrays, acc_D=np.zeros(1), acc_K=np.zeros(1), tension=np.zeros(0)
+        )
+        assert requested == pytest.approx(2000 * (x.q_K - x.q_D)[0] + 120 * (x.v_K - x.v_D)[0])
+        assert bool(effort == pytest.approx(requested)) is is_exerted
 
 
 def test_a_spring_behind_a_command_keeps_its_voltage():
     """The motor lags: the bounded voltage is that of its law at the state of the run."""
-    lift = fan.loads(HOIST.replace(FOLLOWS, "{type: pd, stiffness: 2000, damping: 120}"))
-    x0, voltages_used = lift.rest(), []
+    lift = fan.loads(HOIST_YAML.replace(CONTROLLER, "{type: pd, stiffness: 2000, damping: 120}"))
+    x0, max_voltages = lift.rest(), []
     tracks = [
         fan.control.Track.coordinate("lift", x0.q_D[0] + 0.3, weight=0.0, end_weight=1e3),
         fan.control.Track.velocity("lift", weight=0.0, end_weight=1e2),
@@ -239,12 +256,12 @@ def test_a_spring_behind_a_command_keeps_its_voltage():
         )
         best = fan.optimise(task)
         run = fan.simulate(lift, x0, best.inputs, 0.5, save_at=best.t)
-        voltages_used.append(float(np.max(np.abs(voltages(run)))))
+        max_voltages.append(float(np.max(np.abs(voltages(run)))))
         assert best.holds, best.summary()
-    assert voltages_used[0] > 10.0
-    at = np.searchsorted(run.t, best.t + 1e-9) - 1
-    assert np.max(np.abs(voltages(run))[at]) == pytest.approx(9.0, abs=1e-3)
-    assert voltages_used[1] < 9.0 + 0.05  # between the nodes
+    assert max_voltages[0] > 10.0
+    samples = np.searchsorted(run.t, best.t + 1e-9) - 1
+    assert np.max(np.abs(voltages(run))[samples]) == pytest.approx(9.0, abs=1e-3)
+    assert max_voltages[1] < 9.0 + 0.05  # between the nodes
 
 
 def test_voltages_change_with_motions_as_in_their_rows(cart: fan.Marionette):
@@ -253,7 +270,7 @@ def test_voltages_change_with_motions_as_in_their_rows(cart: fan.Marionette):
     """
     x0 = cart.rest()
     x0 = cart.project(x0.replace(v_D=x0.v_D + 0.1, v_K=x0.v_K + 0.05))
-    spans = {"load": (0.2, 0.8), "gear": (1.0, 3.0), "R": (1.0, 2.0)}
+    parameter_ranges = {"load": (0.2, 0.8), "gear": (1.0, 3.0), "R": (1.0, 2.0)}
     task = fan.Task(
         cart,
         x0,
@@ -261,76 +278,81 @@ def test_voltages_change_with_motions_as_in_their_rows(cart: fan.Marionette):
         [],
         bounds=fan.control.Bounds(voltage=20.0, current={"line.command.length": 9.0}),
         interval=0.1,
-        parameters=spans,
+        parameters=parameter_ranges,
     )
-    chosen, rng = ChosenParameters(cart, x0, spans), np.random.default_rng(7)
-    runs = ExactRuns(TimeSteps(cart, task.dt, 1, chosen, False), chosen)
+    free_parameters, rng = ChosenParameters(cart, x0, parameter_ranges), np.random.default_rng(7)
+    runs = ExactRuns(TimeSteps(cart, task.dt, 1, free_parameters, False), free_parameters)
     rows = Objective(task).rows
-    first = first_nodes(task, chosen, None)
-    N, k = first.acc_K.shape
-    first = replace(first, acc_K=0.5 * rng.normal(size=(N, k)))
-    ways, p = rng.normal(size=(N, k)), np.array([0.2, 0.4, -0.3])
+    initial_nodes = first_nodes(task, free_parameters, None)
+    N, k = initial_nodes.acc_K.shape
+    initial_nodes = replace(initial_nodes, acc_K=0.5 * rng.normal(size=(N, k)))
+    direction, parameter_direction = rng.normal(size=(N, k)), np.array([0.2, 0.4, -0.3])
 
     def values(step: float) -> np.ndarray:
         run = runs.run(
-            replace(first, acc_K=first.acc_K + step * ways, parameters=first.parameters + step * p)
+            replace(
+                initial_nodes,
+                acc_K=initial_nodes.acc_K + step * direction,
+                parameters=initial_nodes.parameters + step * parameter_direction,
+            )
         )
         assert run is not None
         return rows.values(run[0], runs.ends(*run))[0]
 
-    nodes, run = runs.run(first)
+    nodes, run = runs.run(initial_nodes)
     ends = runs.ends(nodes, run)
-    linear = runs.linearise(nodes, ends).widened(np.array([1, 2, 3]))
+    linear = runs.linearise(nodes, ends).with_constants(np.array([1, 2, 3]))
     assert not runs.reasons and rows.values(nodes, ends)[0].shape == (N, 6)
-    by, change = rows.derivatives(nodes, linear), (values(1e-5) - values(-1e-5)) / 2e-5
-    z = linear.start_c[:, 1:] @ p
-    z = np.concatenate([z, p])
+    derivatives = rows.derivatives(nodes, linear)
+    differences = (values(1e-5) - values(-1e-5)) / 2e-5
+    z = linear.dstart_c[:, 1:] @ parameter_direction
+    z = np.concatenate([z, parameter_direction])
     for i in range(N):
-        after = linear.A[i] @ z + linear.B[i] @ ways[i]
-        derivative = by[i][:, k:] @ np.concatenate([z, ways[i], after])
-        assert derivative == pytest.approx(change[i], rel=2e-5, abs=2e-5)
-        z = after
+        next_z = linear.A[i] @ z + linear.B[i] @ direction[i]
+        derivative = derivatives[i][:, k:] @ np.concatenate([z, direction[i], next_z])
+        assert derivative == pytest.approx(differences[i], rel=2e-5, abs=2e-5)
+        z = next_z
 
 
 def test_coordinates_without_a_motor_are_refused(hoist: fan.Marionette, tmp_path):
-    def found(puppet: fan.Marionette, **bounds) -> None:
+    def optimise_with(puppet: fan.Marionette, **bounds) -> None:
         fan.optimise(fan.Task(puppet, puppet.rest(), 1.0, [], bounds=fan.control.Bounds(**bounds)))
 
     with pytest.raises(
         fan.errors.UnknownNameError, match=r"voltage.*'lift'; the names are lift\.command"
     ):
-        found(hoist, voltage={"lift": 12.0})
+        optimise_with(hoist, voltage={"lift": 12.0})
     arm = fan.puppets.arm2d()
     with pytest.raises(
         fan.errors.UnknownNameError, match=r"current.*'hand\.length'.*there are none"
     ):
-        found(arm, current={"hand.length": 1.0})
+        optimise_with(arm, current={"hand.length": 1.0})
     with pytest.raises(fan.errors.StateError, match=r"voltage is 12\.0.*a puppet with a dc motor"):
-        found(arm, voltage=12.0)
+        optimise_with(arm, voltage=12.0)
     with pytest.raises(fan.errors.StateError, match=r"voltage of lift\.command is 0\.0"):
-        found(hoist, voltage={"lift.command": 0.0})
+        optimise_with(hoist, voltage={"lift.command": 0.0})
     with pytest.raises(fan.errors.StateError, match=r"voltage of lift\.command is \(0, 12\)"):
-        found(hoist, voltage={"lift.command": (0, 12)})
+        optimise_with(hoist, voltage={"lift.command": (0, 12)})
     servo = fan.loads(
-        HOIST.replace(
-            f"{{type: dc, constant: {CONSTANT}, current: 100, resistance: {RESISTANCE}, "
+        HOIST_YAML.replace(
+            f"{{type: dc, constant: {MOTOR_CONSTANT}, current: 100, resistance: {RESISTANCE}, "
             "voltage: 48}",
             "{type: servo, torque: 3}",
         )
     )
     with pytest.raises(fan.errors.UnknownNameError, match="there are none"):
-        found(servo, voltage={"lift.command": 12.0})
+        optimise_with(servo, voltage={"lift.command": 12.0})
     task = fan.Task(hoist, hoist.rest(), 1.0, [], bounds=fan.control.Bounds(voltage=12.0))
     with pytest.raises(fan.errors.StateError, match="explore excludes bounds of forces, voltages"):
         replace(task, explore=1)
     with pytest.raises(fan.errors.StateError, match="bounds of forces, voltages"):
         fan.MPC(hoist, task, horizon=0.5, nodes=10)
-    stage = HOIST.replace("bodies:", "floor: -1\ncontact: {friction: 0.3}\nbodies:")
+    stage = HOIST_YAML.replace("bodies:", "floor: -1\ncontact: {friction: 0.3}\nbodies:")
     with pytest.raises(fan.errors.StateError, match="voltages need a puppet without contact"):
-        found(fan.loads(stage), voltage=12.0)
+        optimise_with(fan.loads(stage), voltage=12.0)
 
 
-TASK = """
+TASK_YAML = """
 task: lift
 puppet: hoist.yaml
 duration: 1
@@ -341,14 +363,14 @@ bounds:
 
 
 def test_task_files_bound_motors(tmp_path):
-    (tmp_path / "hoist.yaml").write_text(HOIST, encoding="utf-8")
+    (tmp_path / "hoist.yaml").write_text(HOIST_YAML, encoding="utf-8")
     path = tmp_path / "t.yaml"
 
     def load(text: str) -> fan.Task:
         path.write_text(text.lstrip(), encoding="utf-8")
         return fan.control.load_task(path)
 
-    bounds = load(TASK).bounds
+    bounds = load(TASK_YAML).bounds
     assert bounds.voltage == {"lift.command": 12.0} and bounds.current == 6.0
     jsonschema.validate(read_file(path).data, task_schema())
     for change, words in (
@@ -359,4 +381,4 @@ def test_task_files_bound_motors(tmp_path):
         (("duration: 1", "duration: 1\nslack: true\nexplore: 1"), r"explore: .*bounds\.voltage"),
     ):
         with pytest.raises(fan.errors.FileError, match=words):
-            load(TASK.replace(*change))
+            load(TASK_YAML.replace(*change))

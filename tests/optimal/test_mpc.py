@@ -12,21 +12,21 @@ from fantoccini.base.errors import StateError
 
 pytestmark = pytest.mark.slow
 
-TIP = (0.3, 0.0, 0.0)
+TIP_IN_LOWER = (0.3, 0.0, 0.0)
 
 
-def tip(arm: fan.Marionette, x: fan.State) -> np.ndarray:
+def tip_position(arm: fan.Marionette, x: fan.State) -> np.ndarray:
     pose = arm.pose(x, "lower")
-    return pose[:3, 3] + pose[:3, :3] @ np.array(TIP)
+    return pose[:3, 3] + pose[:3, :3] @ np.array(TIP_IN_LOWER)
 
 
-def kicked(arm: fan.Marionette, size: float) -> fan.State:
+def kicked_state(arm: fan.Marionette, size: float) -> fan.State:
     random = np.random.default_rng(4)
     kick = random.normal(size=arm.coordinates.n_vD)
     return arm.project(arm.rest().replace(v_D=size * kick / np.linalg.norm(kick)))
 
 
-def followed(arm: fan.Marionette, mpc: fan.MPC | None, x0: fan.State, n: int) -> fan.State:
+def state_after(arm: fan.Marionette, mpc: fan.MPC | None, x0: fan.State, n: int) -> fan.State:
     stepper = arm.stepper(x0, fan.TimeStepping(dt=0.001))
     for _ in range(n):
         acc_K = None if mpc is None else mpc.step(stepper.state)
@@ -34,22 +34,23 @@ def followed(arm: fan.Marionette, mpc: fan.MPC | None, x0: fan.State, n: int) ->
     return stepper.state
 
 
-def holding(arm: fan.Marionette, **more: object) -> fan.MPC:
-    place = tip(arm, arm.rest())
-    return fan.MPC(arm, {("lower", TIP): place}, horizon=0.6, nodes=30, **more)
+def holding_mpc(arm: fan.Marionette, **options: object) -> fan.MPC:
+    target = tip_position(arm, arm.rest())
+    return fan.MPC(arm, {("lower", TIP_IN_LOWER): target}, horizon=0.6, nodes=30, **options)
 
 
 def test_a_kicked_arm_settles_earlier_with_feedback(arm):
-    x0, place = kicked(arm, 2.0), tip(arm, arm.rest())
-    left = [
-        np.linalg.norm(tip(arm, followed(arm, mpc, x0, 75)) - place) for mpc in (holding(arm), None)
+    x0, target = kicked_state(arm, 2.0), tip_position(arm, arm.rest())
+    distances = [
+        np.linalg.norm(tip_position(arm, state_after(arm, mpc, x0, 75)) - target)
+        for mpc in (holding_mpc(arm), None)
     ]
-    assert left[0] < 2e-3
-    assert left[1] > 5.0 * left[0]
+    assert distances[0] < 2e-3
+    assert distances[1] > 5.0 * distances[0]
 
 
 def test_an_undisturbed_arm_at_rest_is_not_moved(arm):
-    mpc, x0 = holding(arm), arm.rest()
+    mpc, x0 = holding_mpc(arm), arm.rest()
     stepper = arm.stepper(x0)
     for _ in range(5):
         acc_K = mpc.step(stepper.state)
@@ -59,8 +60,8 @@ def test_an_undisturbed_arm_at_rest_is_not_moved(arm):
 
 def test_bounds_of_inputs_are_never_left(arm):
     bounds = fan.control.Bounds(acceleration=0.2, speed=0.08)
-    mpc = holding(arm, bounds=bounds)
-    stepper, accelerations = arm.stepper(kicked(arm, 2.0)), []
+    mpc = holding_mpc(arm, bounds=bounds)
+    stepper, accelerations = arm.stepper(kicked_state(arm, 2.0)), []
     for _ in range(40):
         acc_K = mpc.step(stepper.state)
         stepper.advance(mpc.interval, acc_K)
@@ -72,18 +73,18 @@ def test_bounds_of_inputs_are_never_left(arm):
 
 def test_the_state_after_the_measurement_is_predicted(arm):
     """The answers are the same for an older state with known inputs since then."""
-    now, late = holding(arm), holding(arm)
-    x = kicked(arm, 1.0)
-    for mpc in (now, late):
+    prompt_mpc, late_mpc = holding_mpc(arm), holding_mpc(arm)
+    x = kicked_state(arm, 1.0)
+    for mpc in (prompt_mpc, late_mpc):
         mpc.step(x)
-    ahead = arm.stepper(x, fan.TimeStepping(dt=0.5 * now.interval, extrapolate=False))
-    later = ahead.advance(now.interval, now.acceleration(x.t))
-    assert late.step(x, later.t) == pytest.approx(now.step(later), abs=1e-6)
+    stepper = arm.stepper(x, fan.TimeStepping(dt=0.5 * prompt_mpc.interval, extrapolate=False))
+    later = stepper.advance(prompt_mpc.interval, prompt_mpc.acceleration(x.t))
+    assert late_mpc.step(x, later.t) == pytest.approx(prompt_mpc.step(later), abs=1e-6)
 
 
 def test_missed_deadlines_and_skipped_intervals_are_counted(arm):
-    x = kicked(arm, 1.0)
-    quick, slow = holding(arm, deadline=100.0), holding(arm, deadline=1e-9)
+    x = kicked_state(arm, 1.0)
+    quick, slow = holding_mpc(arm, deadline=100.0), holding_mpc(arm, deadline=1e-9)
     for mpc in (quick, slow):
         mpc.step(x)
         planned = mpc.acceleration(x.t + 2.5 * mpc.interval)
@@ -96,17 +97,17 @@ def test_missed_deadlines_and_skipped_intervals_are_counted(arm):
 
 def test_a_task_advances_with_time(arm):
     """A path is followed beyond the horizon; tracks that do not count yet are allowed."""
-    place = tip(arm, arm.rest())
+    target = tip_position(arm, arm.rest())
 
     def path(t: float) -> np.ndarray:
         s = min(max(t, 0.0), 1.0)
-        return place + np.array([0.05 * s**3 * (10.0 + s * (6.0 * s - 15.0)), 0.0, 0.0])
+        return target + np.array([0.05 * s**3 * (10.0 + s * (6.0 * s - 15.0)), 0.0, 0.0])
 
     late = fan.control.Track.velocity("*", 0.0, weight=1e-3, start=1.0)
-    tracks = [fan.control.Track.point("lower", path, at=TIP, weight=1e4), late]
+    tracks = [fan.control.Track.point("lower", path, at=TIP_IN_LOWER, weight=1e4), late]
     task = fan.Task(arm, arm.rest(), 1.5, tracks, bounds=fan.control.Bounds(acceleration=10.0))
-    x = followed(arm, fan.MPC(arm, task, horizon=0.4, nodes=20), arm.rest(), 75)
-    assert np.linalg.norm(tip(arm, x) - path(1.5)) < 2e-3
+    x = state_after(arm, fan.MPC(arm, task, horizon=0.4, nodes=20), arm.rest(), 75)
+    assert np.linalg.norm(tip_position(arm, x) - path(1.5)) < 2e-3
 
 
 def test_mistakes_are_named(arm):
@@ -127,42 +128,44 @@ def test_a_marionette_continues_its_circle_after_a_kick():
     """25 degrees of freedom, 21 inputs, 50 nodes; strings go slack on the way."""
     task = fan.control.load_task("circle")
     puppet = task.marionette
-    free = replace(task, bounds=replace(task.bounds, held=(), speed=1.5))
-    mpc = fan.MPC(puppet, free)
+    unheld_task = replace(task, bounds=replace(task.bounds, held=(), speed=1.5))
+    mpc = fan.MPC(puppet, unheld_task)
     random = np.random.default_rng(1)
     kick = random.normal(size=25)
     stepper = puppet.stepper(
         puppet.project(task.x0.replace(v_D=2.0 * kick / np.linalg.norm(kick))),
         fan.TimeStepping(dt=0.001),
     )
-    away, slack = [], 0
+    distances, slack_count = [], 0
     for _ in range(75):
         x = stepper.advance(mpc.interval, mpc.step(stepper.state))
         pose = puppet.pose(x, "forearm_right")
         hand = pose[:3, 3] + pose[:3, :3] @ np.array([0.0, 0.0, -0.09])
-        away.append(np.linalg.norm(hand - task.tracks[0].path(x.t)))
-        slack += not np.all(x.taut[:7])
-    assert slack > 0 and max(away) > 0.01
-    assert max(away[-25:]) < 0.1 * max(away)
+        distances.append(np.linalg.norm(hand - task.tracks[0].path(x.t)))
+        slack_count += not np.all(x.taut[:7])
+    assert slack_count > 0 and max(distances) > 0.01
+    assert max(distances[-25:]) < 0.1 * max(distances)
     assert mpc.braked == 0
 
 
 def test_a_standing_puppet_is_kept_in_place():
     """It is kicked at 0.45 m/s, with its feet on the floor: without feedback it keeps swinging."""
     stage = fan.puppets.promenade()
-    still, x0 = stage.pose(stage.rest(), "torso")[:3, 3], stage.rest()
+    rest_position, x0 = stage.pose(stage.rest(), "torso")[:3, 3], stage.rest()
     kick = np.zeros(stage.coordinates.n_vD)
     kick[:2] = 0.4, 0.2
-    away, ends = [], []
-    for answers in (False, True):
-        mpc = fan.MPC(stage, {"torso": still}, horizon=0.5, nodes=20)
+    rms_distances, final_distances = [], []
+    for has_feedback in (False, True):
+        mpc = fan.MPC(stage, {"torso": rest_position}, horizon=0.5, nodes=20)
         stepper = stage.stepper(stage.project(x0.replace(v_D=kick)), fan.TimeStepping(dt=1e-3))
-        path = []
+        distances = []
         for _ in range(60):
-            stepper.advance(mpc.interval, mpc.step(stepper.state) if answers else None)
-            path.append(np.linalg.norm(stage.pose(stepper.state, "torso")[:3, 3] - still))
-        away.append(float(np.sqrt(np.mean(np.square(path)))))
-        ends.append(max(path[-10:]))
-    assert away[1] < 0.6 * away[0]
-    assert ends[1] < 0.2 * ends[0]
+            stepper.advance(mpc.interval, mpc.step(stepper.state) if has_feedback else None)
+            distances.append(
+                np.linalg.norm(stage.pose(stepper.state, "torso")[:3, 3] - rest_position)
+            )
+        rms_distances.append(float(np.sqrt(np.mean(np.square(distances)))))
+        final_distances.append(max(distances[-10:]))
+    assert rms_distances[1] < 0.6 * rms_distances[0]
+    assert final_distances[1] < 0.2 * final_distances[0]
     assert not mpc.braked

@@ -14,8 +14,8 @@ pytestmark = [pytest.mark.medium, pytest.mark.long]
 LENGTH, DISTANCE, MAX_ACCELERATION = 1.0, 0.05, 0.05
 
 TIP = (0.3, 0.0, 0.0)
-TURN = 10.0 * np.linspace(0, 1, 81) ** 3 - 15.0 * np.linspace(0, 1, 81) ** 4
-TURN = 2.0 * np.pi * (TURN + 6.0 * np.linspace(0, 1, 81) ** 5)
+CIRCLE_ANGLE = 10.0 * np.linspace(0, 1, 81) ** 3 - 15.0 * np.linspace(0, 1, 81) ** 4
+CIRCLE_ANGLE = 2.0 * np.pi * (CIRCLE_ANGLE + 6.0 * np.linspace(0, 1, 81) ** 5)
 
 
 @pytest.fixture(scope="module")
@@ -23,7 +23,9 @@ def circle(arm: fan.Marionette) -> np.ndarray:
     """(81, 3) circle of the arm's tip, beginning and ending at rest."""
     pose = arm.pose(arm.rest(), "lower")
     tip = pose[:3, 3] + pose[:3, :3] @ np.array(TIP)
-    return tip + 0.03 * np.stack([1.0 - np.cos(TURN), 0.0 * TURN, np.sin(TURN)], axis=1)
+    return tip + 0.03 * np.stack(
+        [1.0 - np.cos(CIRCLE_ANGLE), 0.0 * CIRCLE_ANGLE, np.sin(CIRCLE_ANGLE)], axis=1
+    )
 
 
 @pytest.fixture(scope="module")
@@ -37,18 +39,18 @@ def least_time() -> float:
     Accelerations are + - + - the largest, antisymmetric about the middle; the displacement and the
     swing at the middle determine the first switch and the time.
     """
-    rate = np.sqrt(9.81 / LENGTH)
+    frequency = np.sqrt(9.81 / LENGTH)
 
-    def left(unknown: np.ndarray) -> tuple[float, float]:
-        first, T = unknown
-        edges = np.array([0.0, first, 0.5 * T, T - first, T])
+    def end_residual(unknown: np.ndarray) -> tuple[float, float]:
+        first_switch, T = unknown
+        edges = np.array([0.0, first_switch, 0.5 * T, T - first_switch, T])
         acc = MAX_ACCELERATION * np.array([1.0, -1.0, 1.0, -1.0])
         distance = np.sum(acc * ((T - edges[:-1]) ** 2 - (T - edges[1:]) ** 2)) / 2.0
-        swing = np.sum(acc * -np.diff(np.cos(rate * (edges - 0.5 * T))))
+        swing = np.sum(acc * -np.diff(np.cos(frequency * (edges - 0.5 * T))))
         return distance - DISTANCE, swing
 
-    solution = fsolve(left, [0.7, 2.4], xtol=1e-12)
-    assert left(solution) == pytest.approx((0.0, 0.0), abs=1e-12)
+    solution = fsolve(end_residual, [0.7, 2.4], xtol=1e-12)
+    assert end_residual(solution) == pytest.approx((0.0, 0.0), abs=1e-12)
     return float(solution[1])
 
 
@@ -89,8 +91,8 @@ def test_the_tip_follows_a_circle_event_driven(
 ):
     assert round_trip.status in (fan.control.AnswerStatus.SOLVED, fan.control.AnswerStatus.SETTLED)
     run = fan.simulate(arm, arm.rest(), round_trip.inputs, 2.0, save_at=np.linspace(0, 2, 81))
-    at = run.resample(np.linspace(0, 2, 81))
-    pose = arm.poses(at.q_D, at.q_K)[:, 1]
+    samples = run.resample(np.linspace(0, 2, 81))
+    pose = arm.poses(samples.q_D, samples.q_K)[:, 1]
     deviation = pose[..., 3] + pose[..., :3] @ np.array(TIP) - circle
     assert np.sqrt(np.mean(np.sum(deviation**2, axis=1))) < 2e-4
     assert np.min(run.tension["hand"]) > 0.0
@@ -101,8 +103,8 @@ def test_the_cost_is_the_integral_of_the_run(
     arm: fan.Marionette, circle: np.ndarray, round_trip: fan.control.Optimum
 ):
     run, h = round_trip.run, round_trip.nodes.interval
-    at = run.resample(round_trip.t)
-    pose = arm.poses(at.q_D, at.q_K)[:, 1]
+    samples = run.resample(round_trip.t)
+    pose = arm.poses(samples.q_D, samples.q_K)[:, 1]
     path = np.stack([np.interp(round_trip.t, np.linspace(0, 2, 81), c) for c in circle.T], axis=1)
     deviation = np.sum((pose[..., 3] + pose[..., :3] @ np.array(TIP) - path) ** 2, axis=1)
     total = 0.5 * 1e4 * np.trapezoid(deviation, round_trip.t)
@@ -127,8 +129,8 @@ def test_another_optimiser_finds_no_lower_cost(small_crane: fan.Marionette):
     t = np.linspace(0, T, N + 1)
 
     def cost(acc: np.ndarray) -> float:
-        both = np.stack([acc, 0.0 * acc], axis=1)
-        move = fan.Input.segments(small_crane, t, x0.q_K, x0.v_K, both)
+        columns = np.stack([acc, 0.0 * acc], axis=1)
+        move = fan.Input.segments(small_crane, t, x0.q_K, x0.v_K, columns)
         run = fan.simulate(small_crane, x0, move, T, save_at=t, effort=False).resample(t)
         deviation = (run.q_D[:, 0] - 0.1 * t**2) ** 2
         jumps = np.diff(acc, prepend=0.0, append=0.0)
@@ -136,15 +138,15 @@ def test_another_optimiser_finds_no_lower_cost(small_crane: fan.Marionette):
         return 25.0 * np.trapezoid(deviation, t) + 10.0 * deviation[-1] + smooth
 
     assert best.cost == pytest.approx(cost(best.nodes.acc_K[:, 0]), rel=1e-9)
-    other = minimize(
+    scipy_optimum = minimize(
         cost,
         np.zeros(N),
         bounds=[(-0.4, 0.4)] * N,
         method="L-BFGS-B",
         options={"ftol": 1e-13, "gtol": 1e-9},
     )
-    assert best.cost == pytest.approx(other.fun, rel=1e-4)
-    assert best.nodes.acc_K[:, 0] == pytest.approx(other.x, abs=5e-3)
+    assert best.cost == pytest.approx(scipy_optimum.fun, rel=1e-4)
+    assert best.nodes.acc_K[:, 0] == pytest.approx(scipy_optimum.x, abs=5e-3)
     assert np.max(np.abs(best.nodes.acc_K)) == pytest.approx(0.4, abs=1e-6)  # the bound is active
 
 
@@ -218,23 +220,23 @@ def test_gains_bring_a_disturbed_arm_back(arm: fan.Marionette, round_trip: fan.c
     errors = {}
     for feedback in (False, True):
         stepper = arm.stepper(pushed)
-        worst = []
+        distances = []
         for i in range(len(nodes)):
-            x, there = stepper.state, nodes
+            x = stepper.state
             acc = nodes.acc_K[i].copy()
             if feedback:
                 z = np.concatenate(
                     [
-                        x.q_D - there.q_D[i],
-                        x.v_D - there.v_D[i],
-                        x.q_K - there.q_K[i],
-                        x.v_K - there.v_K[i],
+                        x.q_D - nodes.q_D[i],
+                        x.v_D - nodes.v_D[i],
+                        x.q_K - nodes.q_K[i],
+                        x.v_K - nodes.v_K[i],
                     ]
                 )
                 acc += K[i] @ z
             stepper.advance(nodes.interval, acc)
-            worst.append(np.linalg.norm(stepper.state.q_D - nodes.q_D[i + 1]))
-        errors[feedback] = np.mean(worst[len(nodes) // 2 :])
+            distances.append(np.linalg.norm(stepper.state.q_D - nodes.q_D[i + 1]))
+        errors[feedback] = np.mean(distances[len(nodes) // 2 :])
     assert errors[True] < 0.5 * errors[False]
 
 
@@ -276,7 +278,7 @@ def test_the_motion_does_not_depend_on_the_unit_of_the_cost(arm: fan.Marionette)
     for unit in (1.0, 1e-4):
         tracks = [fan.control.Track.coordinate("elbow", 2.1, weight=unit)]
         smooth = fan.control.Smooth(1e-4 * unit, 1e-6 * unit)
-        bounds = fan.control.Bounds().staying_taut(arm, x0)
+        bounds = fan.control.Bounds().with_taut_strings(arm, x0)
         task = fan.Task(arm, x0, 1.0, tracks, smooth, bounds, interval=0.05)
         optima.append(fan.optimise(task))
     assert optima[1].iterations > 3
@@ -303,9 +305,9 @@ def test_a_guess_is_adapted_to_its_task(small_crane: fan.Marionette):
 
 def test_tasks_without_derivatives_are_refused(small_crane: fan.Marionette):
     x0 = small_crane.rest()
-    moving = [fan.control.Track.coordinate("bob.x", lambda t: 0.1 * t)]
+    moving_track = [fan.control.Track.coordinate("bob.x", lambda t: 0.1 * t)]
     with pytest.raises(fan.errors.StateError, match="paths must be values"):
-        fan.optimise(fan.Task(small_crane, x0, (1.0, 2.0), moving))
+        fan.optimise(fan.Task(small_crane, x0, (1.0, 2.0), moving_track))
     with pytest.raises(fan.errors.StateError, match="a bound of jerk"):
         fan.optimise(fan.Task(small_crane, x0, (1.0, 2.0), [], bounds=fan.control.Bounds(jerk=1.0)))
     winch = fan.loads(CRANE_TEXT.replace("length: driven", "length: driven\n    max_tension: 9.0"))
@@ -313,8 +315,8 @@ def test_tasks_without_derivatives_are_refused(small_crane: fan.Marionette):
         fan.optimise(fan.Task(winch, winch.rest(), 1.0, []))
     pushed = x0.replace(v_K=np.array([0.0, 0.1]))
     with pytest.raises(fan.errors.StateError, match=r"line\.length is held, but moves"):
-        held = fan.control.Bounds(held=("line.length",))
-        fan.optimise(fan.Task(small_crane, pushed, 1.0, [], bounds=held))
+        bounds = fan.control.Bounds(held=("line.length",))
+        fan.optimise(fan.Task(small_crane, pushed, 1.0, [], bounds=bounds))
 
 
 @pytest.mark.parametrize(

@@ -14,16 +14,16 @@ from fantoccini.control.optimal import check_task
 pytestmark = pytest.mark.slow
 
 SMOOTH = fan.control.Smooth(1e-2, 0.0)
-PROBLEM = "problem: p\npuppet: crane.yaml\nduration: 2\ngoal: {pose: {bob.x: 0.2}}\n"
-POST = """\
+PROBLEM_YAML = "problem: p\npuppet: crane.yaml\nduration: 2\ngoal: {pose: {bob.x: 0.2}}\n"
+POST_YAML = """\
 obstacles: [{name: post, type: box, size: [0.05, 0.05, 0.3], at: [0, 0.1, -0.4]}]
 margin: 0.2
 """
 
 
-def task_of(folder: Path, more: str) -> fan.Task:
+def load_task(folder: Path, text: str) -> fan.Task:
     (folder / "crane.yaml").write_text(CRANE_TEXT)
-    (folder / "p.yaml").write_text(PROBLEM + more)
+    (folder / "p.yaml").write_text(PROBLEM_YAML + text)
     return fan.control.load_task(folder / "p.yaml")
 
 
@@ -32,11 +32,13 @@ def task_of(folder: Path, more: str) -> fan.Task:
     ["speed: {line.x: 0.5}", "speed: {line.x: 0.5, line.length: 0}", "acceleration: {line.x: 2}"],
 )
 def test_coordinates_that_a_problem_file_does_not_name_hold_still(tmp_path, bounds):
-    task = task_of(tmp_path, bounds + "\n")
-    problem, table = fan.control.Problem.of(task), task.marionette.coordinates
-    assert [name for name, may in zip(table.q_K, problem.bounds.moves, strict=True) if may] == [
-        "line.x"
-    ]
+    task = load_task(tmp_path, bounds + "\n")
+    problem, table = fan.control.Problem.from_task(task), task.marionette.coordinates
+    assert [
+        name
+        for name, is_movable in zip(table.q_K, problem.bounds.movable, strict=True)
+        if is_movable
+    ] == ["line.x"]
     best = fan.optimise(task, iterations=20)
     length = table.q_K.index("line.length")
     assert best.holds and np.all(best.run.q_K[:, length] == best.run.q_K[0, length])
@@ -45,7 +47,7 @@ def test_coordinates_that_a_problem_file_does_not_name_hold_still(tmp_path, boun
 
 def test_the_fingerprint_of_a_problem_file_is_that_of_the_bounds_it_gives(tmp_path):
     """Plans on disk stay those of their problem: unnamed coordinates have no new bounds."""
-    task = task_of(tmp_path, "speed: {line.x: 0.5}\n")
+    task = load_task(tmp_path, "speed: {line.x: 0.5}\n")
     by_hand = fan.control.Problem(
         task.marionette,
         task.x0,
@@ -53,7 +55,7 @@ def test_the_fingerprint_of_a_problem_file_is_that_of_the_bounds_it_gives(tmp_pa
         bounds=fan.control.Bounds(speed={"line.x": 0.5}, acceleration=2.0, clearance=0.0),
     )
     by_hand.max_duration = task.max_duration
-    assert fan.control.Problem.of(task).fingerprint == by_hand.fingerprint
+    assert fan.control.Problem.from_task(task).fingerprint == by_hand.fingerprint
 
 
 def test_a_held_coordinate_of_zero_speed_is_one_of_held(small_crane):
@@ -72,26 +74,26 @@ def test_a_held_coordinate_of_zero_speed_is_one_of_held(small_crane):
             fan.control.Bounds(held=("line.length",)),
         )
     ]
-    first, other = (fan.optimise(task, iterations=3) for task in tasks)
-    assert first.cost == other.cost
+    by_speed, by_held = (fan.optimise(task, iterations=3) for task in tasks)
+    assert by_speed.cost == by_held.cost
     with pytest.raises(fan.errors.StateError, match="must be greater than 0"):
         fan.control.Bounds(speed=0.0).magnitudes(small_crane, "speed")
 
 
-@pytest.mark.parametrize(("more", "strings"), [("", True), ("strings: false\n", False)])
-def test_strings_are_kept_clear_as_a_problem_file_says(tmp_path, more, strings):
+@pytest.mark.parametrize(("text", "with_strings"), [("", True), ("strings: false\n", False)])
+def test_strings_are_kept_clear_as_a_problem_file_says(tmp_path, text, with_strings):
     """The line hangs nearer to a post than the margin, the bob below it farther away."""
-    violation = fan.optimise(task_of(tmp_path, POST + more), iterations=0).violation
-    assert violation == pytest.approx(0.125 if strings else 0.0, abs=1e-6)
+    violation = fan.optimise(load_task(tmp_path, POST_YAML + text), iterations=0).violation
+    assert violation == pytest.approx(0.125 if with_strings else 0.0, abs=1e-6)
 
 
 def test_a_guess_that_ends_early_holds_still_afterwards(small_crane):
     x0 = small_crane.rest()
-    moving = fan.Input.waypoints(small_crane, {"line.x": [(0.0, 0.0), (0.5, 0.2), (1.0, 0.6)]})
+    guess = fan.Input.waypoints(small_crane, {"line.x": [(0.0, 0.0), (0.5, 0.2), (1.0, 0.6)]})
     task = fan.Task(small_crane, x0, 2.0, end={"bob.x": 0.5}, smooth=SMOOTH, interval=0.1)
-    nodes = fan.optimise(task, guess=moving, iterations=0).nodes
-    late = nodes.t > 1.15
-    assert np.all(np.abs(nodes.v_K[late]) < 1e-9)
+    nodes = fan.optimise(task, guess=guess, iterations=0).nodes
+    is_late = nodes.t > 1.15
+    assert np.all(np.abs(nodes.v_K[is_late]) < 1e-9)
 
 
 @pytest.mark.parametrize("guess", [[0.0, 1.0], "plan", 3.0])
@@ -113,12 +115,12 @@ def test_a_drives_own_name_may_be_held():
     """A held coordinate with a drive may have its own name or its command's, in all searches."""
     drive = "{on: line.length, mass: 0.1, control: {type: pd, stiffness: 900, damping: 40}}"
     crane = fan.loads(CRANE_TEXT + f"drives: [{drive}]\n")
-    own, command = next(iter(crane.coordinates.commands.items()))
-    ends = [
+    drive_name, command_name = next(iter(crane.coordinates.commands.items()))
+    poses = [
         fan.reach(crane, {"bob": (0.1, 0.0, np.nan)}, bounds=fan.control.Bounds(held=(name,)))[0]
-        for name in (own, command)
+        for name in (drive_name, command_name)
     ]
-    assert ends[0].distance == ends[1].distance < 1e-5
+    assert poses[0].distance == poses[1].distance < 1e-5
 
 
 def test_explorations_need_slack_strings(small_crane):

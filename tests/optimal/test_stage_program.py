@@ -12,49 +12,50 @@ from scipy.optimize import LinearConstraint, minimize
 from fantoccini.control.optimal.quadratic import UNBOUNDED, StageProgram, StageSolver
 
 N, N_Z, K = 4, 3, 2
-S = K + N_Z
+STAGE_SIZE = K + N_Z
 
 
-def program(rows: int = 0, seed: int = 1) -> StageProgram:
+def random_program(rows: int = 0, seed: int = 1) -> StageProgram:
     """A random convex program without bounds."""
     random = np.random.default_rng(seed)
-    root = random.normal(size=(N, S, S))
-    H = root @ root.swapaxes(1, 2) + np.eye(S)
+    root = random.normal(size=(N, STAGE_SIZE, STAGE_SIZE))
+    H = root @ root.swapaxes(1, 2) + np.eye(STAGE_SIZE)
     return StageProgram(
         H=H,
-        g=random.normal(size=(N, S)),
-        cross=0.1 * random.normal(size=(N, S, K)),
+        g=random.normal(size=(N, STAGE_SIZE)),
+        cross=0.1 * random.normal(size=(N, STAGE_SIZE, K)),
         A=0.5 * random.normal(size=(N, N_Z, N_Z)),
         B=random.normal(size=(N, N_Z, K)),
         e=0.3 * random.normal(size=(N, N_Z)),
-        low=np.full((N, S), -UNBOUNDED),
-        high=np.full((N, S), UNBOUNDED),
-        C=random.normal(size=(N, rows, 2 * S)),
+        low=np.full((N, STAGE_SIZE), -UNBOUNDED),
+        high=np.full((N, STAGE_SIZE), UNBOUNDED),
+        C=random.normal(size=(N, rows, 2 * STAGE_SIZE)),
         row_low=np.full((N, rows), -0.3),
         row_high=np.full((N, rows), 0.2),
         elastic=np.full((N, rows), 0.2),
     )
 
 
-def dense(stages: StageProgram) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def dense_program(stages: StageProgram) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """P, c, A, b of the program: min 1/2 x^T P x + c^T x, A x = b."""
-    P, A = np.zeros((N * S, N * S)), np.zeros((N * N_Z, N * S))
+    P, A = np.zeros((N * STAGE_SIZE, N * STAGE_SIZE)), np.zeros((N * N_Z, N * STAGE_SIZE))
     for i in range(N):
-        own, before = slice(S * i, S * (i + 1)), slice(S * (i - 1), S * i)
+        stage = slice(STAGE_SIZE * i, STAGE_SIZE * (i + 1))
+        previous_stage = slice(STAGE_SIZE * (i - 1), STAGE_SIZE * i)
         rows = slice(N_Z * i, N_Z * (i + 1))
-        P[own, own] = stages.H[i]
-        A[rows, own] = np.concatenate([stages.B[i], -np.eye(N_Z)], axis=1)
+        P[stage, stage] = stages.H[i]
+        A[rows, stage] = np.concatenate([stages.B[i], -np.eye(N_Z)], axis=1)
         if i:
-            u = slice(S * i, S * i + K)
-            P[before, u] += stages.cross[i]
-            P[u, before] += stages.cross[i].T
-            A[rows, S * (i - 1) + K : S * i] = stages.A[i]
+            u = slice(STAGE_SIZE * i, STAGE_SIZE * i + K)
+            P[previous_stage, u] += stages.cross[i]
+            P[u, previous_stage] += stages.cross[i].T
+            A[rows, STAGE_SIZE * (i - 1) + K : STAGE_SIZE * i] = stages.A[i]
     return P, stages.g.ravel(), A, -stages.e.ravel()
 
 
 def test_without_bounds_it_is_the_linear_system_of_the_conditions_of_optimality():
-    stages = program()
-    P, c, A, b = dense(stages)
+    stages = random_program()
+    P, c, A, b = dense_program(stages)
     zero = np.zeros((len(b), len(b)))
     kkt = np.linalg.solve(np.block([[P, A.T], [A, zero]]), np.concatenate([-c, b]))
     solution = StageSolver(1e-10).solve(stages)
@@ -65,17 +66,17 @@ def test_without_bounds_it_is_the_linear_system_of_the_conditions_of_optimality(
 
 
 def test_bounds_and_elastic_rows_agree_with_another_solver():
-    stages = program(rows=2)
+    stages = random_program(rows=2)
     stages.low[:, :K], stages.high[:, :K] = -0.15, 0.15
-    P, c, A, b = dense(stages)
+    P, c, A, b = dense_program(stages)
     m = stages.C.shape[1]
-    n = N * S
+    n = N * STAGE_SIZE
     rows = np.zeros((N * m, n))
     for i in range(N):
-        at = slice(m * i, m * (i + 1))
-        rows[at, S * i : S * (i + 1)] = stages.C[i, :, S:]
+        stage_rows = slice(m * i, m * (i + 1))
+        rows[stage_rows, STAGE_SIZE * i : STAGE_SIZE * (i + 1)] = stages.C[i, :, STAGE_SIZE:]
         if i:
-            rows[at, S * (i - 1) : S * i] += stages.C[i, :, :S]
+            rows[stage_rows, STAGE_SIZE * (i - 1) : STAGE_SIZE * i] += stages.C[i, :, :STAGE_SIZE]
     price = stages.elastic.ravel()
 
     def cost(y: np.ndarray) -> float:
@@ -117,13 +118,13 @@ def test_bounds_and_elastic_rows_agree_with_another_solver():
 def test_a_solver_solves_program_after_program_of_one_shape():
     solver = StageSolver(1e-10)
     for seed in range(3):
-        stages = program(seed=seed)
+        stages = random_program(seed=seed)
         repeated, alone = solver.solve(stages), StageSolver(1e-10).solve(stages)
         assert repeated.u == pytest.approx(alone.u, abs=1e-6)
 
 
 def test_gains_are_the_change_of_the_optimum_with_the_start():
-    stages = replace(program(), g=np.zeros((N, S)), e=np.zeros((N, N_Z)))
+    stages = replace(random_program(), g=np.zeros((N, STAGE_SIZE)), e=np.zeros((N, N_Z)))
     # Costs between neighbouring inputs, or between an input and the next state, are left out.
     stages.cross[:, :K] = stages.H[:, :K, K:] = stages.H[:, K:, :K] = 0.0
     gains = stages.gains
@@ -143,7 +144,7 @@ def test_constants_move_the_start_and_all_ends(highest: float):
     """Two states are constant from the start on, which they move as well."""
     random = np.random.default_rng(9)
     start = np.concatenate([random.normal(size=(N_Z - 2, 2)), np.eye(2)])
-    stages = program(seed=3)
+    stages = random_program(seed=3)
     stages.A[:, -2:], stages.B[:, -2:], stages.e[:, -2:] = np.eye(2, N_Z, N_Z - 2), 0.0, 0.0
     stages.low[:], stages.high[:], stages.C[:] = -UNBOUNDED, UNBOUNDED, 0.0
     L = random.normal(size=(N_Z, N_Z))
@@ -159,10 +160,10 @@ def test_constants_move_the_start_and_all_ends(highest: float):
         z = start @ c
         J = 0.5 * z @ Q @ z + q @ z + 5e-7 * c @ c
         for i in range(N):
-            before = np.concatenate([u[i - 1] if i else np.zeros(K), z])
+            previous = np.concatenate([u[i - 1] if i else np.zeros(K), z])
             z = stages.A[i] @ z + stages.B[i] @ u[i] + stages.e[i]
             x = np.concatenate([u[i], z])
-            J += 0.5 * x @ stages.H[i] @ x + stages.g[i] @ x + before @ stages.cross[i] @ u[i]
+            J += 0.5 * x @ stages.H[i] @ x + stages.g[i] @ x + previous @ stages.cross[i] @ u[i]
         return float(J)
 
     least_cost = cost(solution.u[:, :K], c)
@@ -171,16 +172,16 @@ def test_constants_move_the_start_and_all_ends(highest: float):
         assert cost(solution.u[:, :K] + du, np.minimum(c + dc, high)) > least_cost
 
 
-def crossed(stages: StageProgram) -> tuple[np.ndarray, ...]:
+def sparse_program(stages: StageProgram) -> tuple[np.ndarray, ...]:
     """P, c, A, low, high of the program for a solver of sparse programs: x, then elastic parts."""
-    P, c, dynamics, b = dense(stages)
-    m, n = stages.C.shape[1], N * S
+    P, c, dynamics, b = dense_program(stages)
+    m, n = stages.C.shape[1], N * STAGE_SIZE
     rows = np.zeros((N * m, n))
     for i in range(N):
-        at = slice(m * i, m * (i + 1))
-        rows[at, S * i : S * (i + 1)] = stages.C[i, :, S:]
+        stage_rows = slice(m * i, m * (i + 1))
+        rows[stage_rows, STAGE_SIZE * i : STAGE_SIZE * (i + 1)] = stages.C[i, :, STAGE_SIZE:]
         if i:
-            rows[at, S * (i - 1) : S * i] += stages.C[i, :, :S]
+            rows[stage_rows, STAGE_SIZE * (i - 1) : STAGE_SIZE * i] += stages.C[i, :, :STAGE_SIZE]
     price, identity = stages.elastic.ravel(), np.eye(N * m)
     zeros = np.zeros((len(b), N * m))
     P = np.block([[P, np.zeros((n, N * m))], [np.zeros((N * m, n)), np.diag(price)]])
@@ -195,7 +196,7 @@ def crossed(stages: StageProgram) -> tuple[np.ndarray, ...]:
 @pytest.mark.parametrize("couples", [True, False])
 def test_solutions_are_those_of_qpoases(seed: int, couples: bool):
     """Bounds of inputs and states, rows with a price; with and without costs between inputs."""
-    stages = program(rows=2, seed=seed)
+    stages = random_program(rows=2, seed=seed)
     if not couples:
         stages.cross[:, :K] = stages.H[:, :K, K:] = stages.H[:, K:, :K] = 0.0
         stages.C[:, :, :K] = 0.0
@@ -204,15 +205,15 @@ def test_solutions_are_those_of_qpoases(seed: int, couples: bool):
     for i in range(N):
         drift[i + 1] = stages.A[i] @ drift[i] + stages.e[i]
     stages.high[:, K] = drift[1:, 0] + 0.02
-    P, c, A, low, high = crossed(stages)
+    P, c, A, low, high = sparse_program(stages)
     m = stages.C.shape[1]
     lowest = np.concatenate([stages.low.ravel(), np.zeros(N * m)])
     highest = np.concatenate([stages.high.ravel(), np.full(N * m, UNBOUNDED)])
     sizes = {"h": casadi.DM(P).sparsity(), "a": casadi.DM(A).sparsity()}
     options = {"print_time": False, "printLevel": "none", "terminationTolerance": 1e-14}
-    other = casadi.conic("other", "qpoases", sizes, options)
-    best = other(h=P, g=c, a=A, lba=low, uba=high, lbx=lowest, ubx=highest)
-    x = np.array(best["x"]).ravel()[: N * S].reshape(N, S)
+    qpoases = casadi.conic("other", "qpoases", sizes, options)
+    best = qpoases(h=P, g=c, a=A, lba=low, uba=high, lbx=lowest, ubx=highest)
+    x = np.array(best["x"]).ravel()[: N * STAGE_SIZE].reshape(N, STAGE_SIZE)
     solution = StageSolver(1e-11).solve(stages)
     assert solution.solved
     assert np.max(np.abs(x[:, :K])) > 0.1499
@@ -247,23 +248,26 @@ def test_driven_double_integrators_are_stored_as_bands():
         row_high=np.zeros((6, 0)),
         elastic=np.zeros((6, 0)),
     )
-    turned = np.arange(size)[::-1]
-    both = np.concatenate([np.arange(k), k + turned])
-    other = replace(
+    reversed_states = np.arange(size)[::-1]
+    reversed_columns = np.concatenate([np.arange(k), k + reversed_states])
+    reversed_program = replace(
         stages,
-        H=stages.H[:, both][:, :, both],
-        g=stages.g[:, both],
-        cross=stages.cross[:, both],
-        A=A[:, turned][:, :, turned],
-        B=B[:, turned],
-        e=stages.e[:, turned],
+        H=stages.H[:, reversed_columns][:, :, reversed_columns],
+        g=stages.g[:, reversed_columns],
+        cross=stages.cross[:, reversed_columns],
+        A=A[:, reversed_states][:, :, reversed_states],
+        B=B[:, reversed_states],
+        e=stages.e[:, reversed_states],
     )
-    solution, repeated = StageSolver(1e-10).solve(stages), StageSolver(1e-10).solve(other)
-    assert solution.u == pytest.approx(repeated.u, rel=1e-10, abs=1e-10)
-    assert solution.z == pytest.approx(repeated.z[:, turned], rel=1e-10, abs=1e-10)
+    solution = StageSolver(1e-10).solve(stages)
+    reversed_solution = StageSolver(1e-10).solve(reversed_program)
+    assert solution.u == pytest.approx(reversed_solution.u, rel=1e-10, abs=1e-10)
+    assert solution.z == pytest.approx(
+        reversed_solution.z[:, reversed_states], rel=1e-10, abs=1e-10
+    )
 
 
 def test_the_first_gain_is_riccatis():
-    stages = replace(program(), g=np.zeros((N, S)), e=np.zeros((N, N_Z)))
+    stages = replace(random_program(), g=np.zeros((N, STAGE_SIZE)), e=np.zeros((N, N_Z)))
     stages.cross[:, :K] = stages.H[:, :K, K:] = stages.H[:, K:, :K] = 0.0
     assert StageSolver(1e-10).solve(stages).gain == pytest.approx(stages.gains[0], rel=1e-10)

@@ -54,7 +54,7 @@ interval: 0.1
 """
 
 
-def written(folder, text: str, name: str = "task.yaml"):
+def write_file(folder, text: str, name: str = "task.yaml"):
     path = folder / name
     path.write_text(text, encoding="utf-8")
     return path
@@ -79,7 +79,7 @@ def test_bundled_tasks_have_their_stated_content():
 
 
 def test_a_file_equals_a_gesture_in_python(tmp_path):
-    read = fan.control.load_task(written(tmp_path, TRACK))
+    file_task = fan.control.load_task(write_file(tmp_path, TRACK))
     arm = fan.puppets.arm2d()
     x0 = arm.rest({"hand.length": 0.8})
     poses = arm.poses(x0.q_D[None], x0.q_K[None])[0]
@@ -115,17 +115,21 @@ def test_a_file_equals_a_gesture_in_python(tmp_path):
         interval=0.05,
         dt=0.025,
     )
-    assert np.array_equal(read.x0.q_D, x0.q_D)
-    assert read.bounds == task.bounds
-    assert (read.durations, read.interval, read.dt) == (task.durations, task.interval, task.dt)
+    assert np.array_equal(file_task.x0.q_D, x0.q_D)
+    assert file_task.bounds == task.bounds
+    assert (file_task.durations, file_task.interval, file_task.dt) == (
+        task.durations,
+        task.interval,
+        task.dt,
+    )
     # The cost of a rest includes all weights, paths and times; a step depends on the bounds.
-    a, b = (fan.optimise(task, iterations=1) for task in (read, task))
+    a, b = (fan.optimise(task, iterations=1) for task in (file_task, task))
     for (_, first), (_, other) in zip(a.curve, b.curve, strict=True):
         assert first == pytest.approx(other, rel=1e-10) and first > 0.0
 
 
 def test_free_durations_ends_and_slack(tmp_path):
-    task = fan.control.load_task(written(tmp_path, CRANE))
+    task = fan.control.load_task(write_file(tmp_path, CRANE))
     crane = task.marionette
     assert task.durations == (1.0, 5.0) and task.time_weight == 2.0
     expected = crane.rest({"trolley": 0.5, "hoist.length": 2.4})
@@ -133,31 +137,34 @@ def test_free_durations_ends_and_slack(tmp_path):
         expected.q_D
     )
     assert task.bounds.tension == {}
-    firm = fan.control.load_task(written(tmp_path, CRANE.replace("slack: true\n", "")))
-    assert not firm.conditions.slack and firm.bounds.tension == {}
-    best = fan.optimise(firm, iterations=0)
+    taut_task = fan.control.load_task(write_file(tmp_path, CRANE.replace("slack: true\n", "")))
+    assert not taut_task.conditions.slack and taut_task.bounds.tension == {}
+    best = fan.optimise(taut_task, iterations=0)
     low, high = best.bounds.tension["hoist"]
     assert 0.0 < low < 0.1 * crane.weight and high == np.inf
-    assert fan.control.Problem.of(firm).fingerprint == fan.control.Problem.of(best.task).fingerprint
+    assert (
+        fan.control.Problem.from_task(taut_task).fingerprint
+        == fan.control.Problem.from_task(best.task).fingerprint
+    )
 
 
 def test_paths_from_csv(tmp_path):
-    written(tmp_path, "t,x,y,z\n0,0.5,0,-0.1\n0.4,0.5,0,0\n", "points.csv")
-    written(tmp_path, "t,value\n0,1\n0.1,2\n", "numbers.csv")
-    written(tmp_path, "t,qw,qx,qy,qz\n0,1,0,0,0\n0.1,-1,0,0,0\n", "turns.csv")
+    write_file(tmp_path, "t,x,y,z\n0,0.5,0,-0.1\n0.4,0.5,0,0\n", "points.csv")
+    write_file(tmp_path, "t,value\n0,1\n0.1,2\n", "numbers.csv")
+    write_file(tmp_path, "t,qw,qx,qy,qz\n0,1,0,0,0\n0.1,-1,0,0,0\n", "turns.csv")
     text = (
         "task: t\npuppet: arm2d\nduration: 0.4\ntracks:\n  - {point: lower, csv: points.csv}\n"
         "  - {tension: hand, csv: numbers.csv}\n  - {orientation: lower, csv: turns.csv}\n"
         "  - {orientation: upper, value: [0, 90 deg, 0]}\n"
     )
-    points, numbers, turns, turned = (
-        track.path for track in fan.control.load_task(written(tmp_path, text)).tracks
+    points, numbers, turns, orientation = (
+        track.path for track in fan.control.load_task(write_file(tmp_path, text)).tracks
     )
     assert np.array_equal(points[0], [0.0, 0.4])
     assert np.array_equal(points[1], [[0.5, 0.0, -0.1], [0.5, 0.0, 0.0]])
     assert np.array_equal(numbers[1], [[1.0], [2.0]])
     assert np.array_equal(turns[1], [[1.0, 0, 0, 0]] * 2), "signs do not jump"
-    assert rotation.log(np.array(turned)) == pytest.approx([0.0, np.pi / 2, 0.0])
+    assert rotation.log(np.array(orientation)) == pytest.approx([0.0, np.pi / 2, 0.0])
 
 
 @pytest.mark.parametrize("turns", [1.0, -2.0, 0.25])
@@ -177,8 +184,8 @@ def test_a_circle_begins_and_ends_at_rest(turns):
     )
     areas = np.cross(p[:-1], p[1:]) @ normal
     assert np.all(np.sign(turns) * areas >= -1e-18)
-    begins = (place - centre) - normal * (normal @ (place - centre))
-    assert p[0] == pytest.approx(0.05 * begins / np.linalg.norm(begins))
+    start_offset = (place - centre) - normal * (normal @ (place - centre))
+    assert p[0] == pytest.approx(0.05 * start_offset / np.linalg.norm(start_offset))
 
 
 def test_a_circle_needs_a_beginning():
@@ -224,46 +231,49 @@ MISTAKES = [
 def test_mistakes_have_places(tmp_path, text, change, line, key, message):
     assert change[0] in text
     with pytest.raises(FileError) as caught:
-        fan.control.load_task(written(tmp_path, text.replace(*change, 1)))
-    (said,) = (str(mistake) for mistake in caught.value.mistakes)
-    assert f"task.yaml:{line}: {key}" in said and message in said
+        fan.control.load_task(write_file(tmp_path, text.replace(*change, 1)))
+    (reported,) = (str(mistake) for mistake in caught.value.mistakes)
+    assert f"task.yaml:{line}: {key}" in reported and message in reported
 
 
 def test_all_mistakes_of_a_task_are_reported_at_once(tmp_path):
     text = TRACK.replace("hand.length: 0.8", "hnd: 1").replace("held: [hand.x]", "held: [x]")
     with pytest.raises(FileError) as caught:
-        fan.control.load_task(written(tmp_path, text))
+        fan.control.load_task(write_file(tmp_path, text))
     assert [mistake.line for mistake in caught.value.mistakes] == [3, 23]
 
 
 def test_mistakes_of_a_table_have_its_own_lines(tmp_path):
-    written(tmp_path, "t,value\n0,1\n1,two\n2,three\n", "numbers.csv")
+    write_file(tmp_path, "t,value\n0,1\n1,two\n2,three\n", "numbers.csv")
     text = TRACK.replace("value: 1.0", "csv: numbers.csv")
     with pytest.raises(FileError) as caught:
-        fan.control.load_task(written(tmp_path, text))
+        fan.control.load_task(write_file(tmp_path, text))
     assert [mistake.line for mistake in caught.value.mistakes] == [14, 14]
     assert "numbers.csv:3: value[1]: found 'two'" in str(caught.value)
-    written(tmp_path, "t,v\n0,1\n", "numbers.csv")
+    write_file(tmp_path, "t,v\n0,1\n", "numbers.csv")
     with pytest.raises(FileError, match="no column value"):
-        fan.control.load_task(written(tmp_path, text))
+        fan.control.load_task(write_file(tmp_path, text))
 
 
 def test_circles_of_free_durations_need_an_end(tmp_path):
     circle = "tracks: [{point: load, circle: {by: [0, 0, 1], normal: [0, 1, 0]}}]\n"
     with pytest.raises(FileError, match="duration is free"):
-        fan.control.load_task(written(tmp_path, CRANE + circle))
-    ended = circle.replace("load,", "load, end: 2.0,")
-    assert fan.control.load_task(written(tmp_path, CRANE + ended)).tracks[0].path.end == 2.0
+        fan.control.load_task(write_file(tmp_path, CRANE + circle))
+    circle_with_end = circle.replace("load,", "load, end: 2.0,")
+    assert (
+        fan.control.load_task(write_file(tmp_path, CRANE + circle_with_end)).tracks[0].path.end
+        == 2.0
+    )
 
 
-STAGE = "task: t\npuppet: promenade\nduration: 1\n"
+STAGE_YAML = "task: t\npuppet: promenade\nduration: 1\n"
 
 
 def test_puppets_with_contact_have_tasks_with_periodic_ends_and_guesses(tmp_path):
-    moves = "coordinates: {head.x: [[0, 0], [1, 0.03]]}"
-    written(tmp_path, f"name: g\nduration: 1\n{moves}\n", "g.yaml")
-    more = "periodic: {torso.x: 0.03, head.x: 0.03}\nguess: g.yaml\n"
-    task = fan.control.load_task(written(tmp_path, STAGE + more))
+    motion = "coordinates: {head.x: [[0, 0], [1, 0.03]]}"
+    write_file(tmp_path, f"name: g\nduration: 1\n{motion}\n", "g.yaml")
+    options = "periodic: {torso.x: 0.03, head.x: 0.03}\nguess: g.yaml\n"
+    task = fan.control.load_task(write_file(tmp_path, STAGE_YAML + options))
     assert task.required_end.state.q_K[0] - task.x0.q_K[0] == pytest.approx(0.03)
     assert task.guess.evaluate(1.0)[0][0] == pytest.approx(0.03)
 
@@ -278,12 +288,12 @@ def test_puppets_with_contact_have_tasks_with_periodic_ends_and_guesses(tmp_path
 )
 def test_mistakes_of_periodic_ends_and_guesses(tmp_path, line, words):
     with pytest.raises(FileError, match=words):
-        fan.control.load_task(written(tmp_path, f"{STAGE}{line}\n"))
+        fan.control.load_task(write_file(tmp_path, f"{STAGE_YAML}{line}\n"))
 
 
 @pytest.mark.parametrize("text", [TRACK, CRANE])
 def test_the_schema_knows_them(tmp_path, text):
-    jsonschema.validate(read_file(written(tmp_path, text)).data, task_schema())
-    wrong = read_file(written(tmp_path, text.replace("duration:", "duraton:"))).data
+    jsonschema.validate(read_file(write_file(tmp_path, text)).data, task_schema())
+    wrong = read_file(write_file(tmp_path, text.replace("duration:", "duraton:"))).data
     with pytest.raises(jsonschema.ValidationError):
         jsonschema.validate(wrong, task_schema())

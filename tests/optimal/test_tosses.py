@@ -37,8 +37,8 @@ def test_it_is_solved_with_its_catches(optimum):
 def test_no_direction_lowers_the_cost(optimum):
     """Along random changes of the accelerations, finite differences of the cost give a minimum."""
     task, nodes, J = optimum.task, optimum.nodes, optimum.cost
-    chosen, objective = ChosenParameters(task.marionette, task.x0, {}), Objective(task)
-    runs = EventRuns(TimeSteps(task.marionette, task.dt, 1, chosen), chosen)
+    free_parameters, objective = ChosenParameters(task.marionette, task.x0, {}), Objective(task)
+    runs = EventRuns(TimeSteps(task.marionette, task.dt, 1, free_parameters), free_parameters)
     rng = np.random.default_rng(0)
 
     def cost(change: np.ndarray) -> float:

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.control import AnswerStatus, Draws
+from fantoccini.control import AnswerStatus, DrawOptions
 
 pytestmark = [pytest.mark.medium, pytest.mark.own_puppets]
 
-LENGTH, AWAY = 0.5, 0.02
+LENGTH, DISTANCE = 0.5, 0.02
 
 
 @pytest.fixture(scope="module")
@@ -28,9 +28,9 @@ bodies:
 
 def two_moves(trolley: fan.Marionette, delay: float) -> fan.Input:
     """Half of the displacement, and the other half later."""
-    first = [(0.0, 0.0), (0.1, 0.5 * AWAY)]
-    second = [(delay, 0.5 * AWAY), (delay + 0.1, AWAY), (2.0, AWAY)]
-    return fan.Input.waypoints(trolley, {"trolley.x": first + second})
+    first_move = [(0.0, 0.0), (0.1, 0.5 * DISTANCE)]
+    second_move = [(delay, 0.5 * DISTANCE), (delay + 0.1, DISTANCE), (2.0, DISTANCE)]
+    return fan.Input.waypoints(trolley, {"trolley.x": first_move + second_move})
 
 
 def swing(run: fan.Trajectory) -> float:
@@ -42,24 +42,27 @@ def swing(run: fan.Trajectory) -> float:
 @pytest.mark.parametrize("method", ["event", fan.TimeStepping(dt=1e-3)])
 def test_the_second_move_is_half_a_period_later(trolley, method):
     """Zero vibration: two equal moves half a period apart leave no swing (Smith, 1957)."""
-    half = np.pi * np.sqrt(LENGTH / 9.81)
+    half_period = np.pi * np.sqrt(LENGTH / 9.81)
     tuned = fan.tune(
         trolley,
         lambda v: two_moves(trolley, max(v["delay"], 0.11)),
         {"delay": (0.4, 0.2)},
         swing,
         method=method,
-        draws=Draws(runs=20, generations=30, narrow=0.0001),
+        draws=DrawOptions(runs=20, generations=30, narrow=0.0001),
     )
     assert tuned.status is AnswerStatus.NARROW
-    assert tuned.values["delay"] == pytest.approx(half, abs=2e-3)
+    assert tuned.values["delay"] == pytest.approx(half_period, abs=2e-3)
     assert tuned.spread["delay"] <= 1e-4 * 0.2
     assert tuned.cost == tuned.curve[-1, 0] == swing(tuned.run)
-    again, early = (
+    repeated_swing, early_swing = (
         swing(fan.simulate(trolley, trolley.rest(), inputs, method=method))
         for inputs in (tuned.inputs, two_moves(trolley, 0.4))
     )
-    assert tuned.cost == pytest.approx(again, abs=1e-6 * early) and tuned.cost < 1e-3 * early
+    assert (
+        tuned.cost == pytest.approx(repeated_swing, abs=1e-6 * early_swing)
+        and tuned.cost < 1e-3 * early_swing
+    )
     assert np.all(np.diff(tuned.curve[:, 0]) <= 0.0)
     assert tuned.inputs.end == tuned.run.t[-1] == 2.0
 
@@ -68,23 +71,23 @@ def test_the_second_move_is_half_a_period_later(trolley, method):
 def test_the_cost_sees_the_whole_run(trolley, method):
     """The largest swing on the way, from another start time, with any sampling."""
     x0 = trolley.rest().replace(t=1.0)
-    calls = []
+    sampled_times = []
 
-    def largest(run: fan.Trajectory) -> float:
-        calls.append(run.t)
+    def largest_swing(run: fan.Trajectory) -> float:
+        sampled_times.append(run.t)
         return float(np.max(np.abs(run.q_D[run.t > 1.5])))
 
     tuned = fan.tune(
         trolley,
         lambda v: two_moves(trolley, max(v["delay"], 0.11)).shifted(1.0),
         {"delay": (0.4, 0.1)},
-        largest,
+        largest_swing,
         x0,
         method=method,
-        draws=Draws(runs=8, generations=3),
+        draws=DrawOptions(runs=8, generations=3),
     )
-    assert all(len(t) == 201 and t[0] == 1.0 and t[-1] == 3.0 for t in calls)
-    assert tuned.cost == largest(tuned.run) > 0.0
+    assert all(len(t) == 201 and t[0] == 1.0 and t[-1] == 3.0 for t in sampled_times)
+    assert tuned.cost == largest_swing(tuned.run) > 0.0
 
 
 def test_the_users_random_numbers_stay(trolley):
@@ -96,24 +99,24 @@ def test_the_users_random_numbers_stay(trolley):
         lambda v: two_moves(trolley, 0.5),
         {"a": (0.0, 1.0)},
         swing,
-        draws=Draws(runs=4, generations=1),
+        draws=DrawOptions(runs=4, generations=1),
     )
     assert np.array_equal(np.random.random(3), expected)
 
 
 def test_the_same_seed_gives_the_same(trolley):
-    def found(seed: int) -> fan.control.Tuned:
+    def tune_with_seed(seed: int) -> fan.control.TuningResult:
         return fan.tune(
             trolley,
             lambda v: two_moves(trolley, max(v["delay"], 0.11)),
             {"delay": (0.4, 0.1)},
             swing,
-            draws=Draws(runs=10, generations=3, seed=seed),
+            draws=DrawOptions(runs=10, generations=3, seed=seed),
         )
 
-    assert found(1).values == found(1).values
-    assert found(1).values != found(2).values
-    assert found(1).status is AnswerStatus.GENERATIONS
+    assert tune_with_seed(1).values == tune_with_seed(1).values
+    assert tune_with_seed(1).values != tune_with_seed(2).values
+    assert tune_with_seed(1).status is AnswerStatus.GENERATIONS
 
 
 def test_failing_motions_are_skipped(trolley):
@@ -131,7 +134,7 @@ def test_failing_motions_are_skipped(trolley):
         family,
         {"delay": (0.7, 0.3)},
         lambda run: np.inf if run.q_K[-1, 0] > 0.9 else swing(run),
-        draws=Draws(runs=20, generations=15),
+        draws=DrawOptions(runs=20, generations=15),
     )
     assert tuned.values["delay"] == pytest.approx(np.pi * np.sqrt(LENGTH / 9.81), abs=0.02)
     assert np.isfinite(tuned.cost)
@@ -141,54 +144,65 @@ def test_two_numbers(trolley):
     """The best first part is half of the displacement."""
 
     def family(v: dict[str, float]) -> fan.Input:
-        waypoints = [(0.0, 0.0), (0.1, v["part"] * AWAY), (max(v["delay"], 0.11), v["part"] * AWAY)]
-        waypoints += [(max(v["delay"], 0.11) + 0.1, AWAY), (2.0, AWAY)]
+        waypoints = [
+            (0.0, 0.0),
+            (0.1, v["part"] * DISTANCE),
+            (max(v["delay"], 0.11), v["part"] * DISTANCE),
+        ]
+        waypoints += [(max(v["delay"], 0.11) + 0.1, DISTANCE), (2.0, DISTANCE)]
         return fan.Input.waypoints(trolley, {"trolley.x": waypoints})
 
     numbers = {"part": (0.3, 0.2), "delay": (0.5, 0.2)}
     tuned = fan.tune(
-        trolley, family, numbers, swing, draws=Draws(runs=16, generations=40, narrow=0.001)
+        trolley, family, numbers, swing, draws=DrawOptions(runs=16, generations=40, narrow=0.001)
     )
     assert tuned.values["part"] == pytest.approx(0.5, abs=0.01)
     assert tuned.values["delay"] == pytest.approx(np.pi * np.sqrt(LENGTH / 9.81), abs=0.01)
 
 
 def test_invalid_arguments_of_tune_are_refused(trolley):
-    def tune(numbers=None, cost=swing, **options) -> fan.control.Tuned:
+    def tune(numbers=None, cost=swing, **options) -> fan.control.TuningResult:
         return fan.tune(
             trolley,
             lambda v: two_moves(trolley, 0.5),
             {"a": (0.0, 1.0)} if numbers is None else numbers,
             cost,
-            draws=Draws(runs=4, generations=2),
+            draws=DrawOptions(runs=4, generations=2),
             **options,
         )
 
-    wrong = {"a": (0.0, 1.0), "b": 1.0}
-    for numbers in ({}, {"a": (0.0, 0.0)}, {"a": (0.0, np.nan)}, {"a": 1.0}, wrong):
+    one_wrong = {"a": (0.0, 1.0), "b": 1.0}
+    for numbers in ({}, {"a": (0.0, 0.0)}, {"a": (0.0, np.nan)}, {"a": 1.0}, one_wrong):
         with pytest.raises(ValueError, match="numbers is"):
             tune(numbers)
     with pytest.raises(ValueError, match="NaN"):
         tune(cost=lambda run: float("nan"))
-    for counts in ({"runs": 2}, {"runs": 3.5}, {"generations": 0}, {"seed": -1}):
-        with pytest.raises(ValueError, match=next(iter(counts)) + "|non-negative"):
+    for option in ({"runs": 2}, {"runs": 3.5}, {"generations": 0}, {"seed": -1}):
+        with pytest.raises(ValueError, match=next(iter(option)) + "|non-negative"):
             fan.tune(
                 trolley,
                 lambda v: two_moves(trolley, 0.5),
                 {"a": (0.0, 1.0)},
                 swing,
-                draws=Draws(**{"runs": 3, "generations": 1, **counts}),
+                draws=DrawOptions(**{"runs": 3, "generations": 1, **option}),
             )
 
-    def longer(v: dict[str, float]) -> fan.Input:
-        return fan.Input.waypoints(trolley, {"trolley.x": [(0.0, 0.0), (1.0 + v["a"] ** 2, AWAY)]})
+    def family_of_ends(v: dict[str, float]) -> fan.Input:
+        return fan.Input.waypoints(
+            trolley, {"trolley.x": [(0.0, 0.0), (1.0 + v["a"] ** 2, DISTANCE)]}
+        )
 
     with pytest.raises(ValueError, match="end at"):
-        fan.tune(trolley, longer, {"a": (0.5, 0.1)}, swing)
-    ends = fan.tune(
-        trolley, longer, {"a": (0.5, 0.1)}, swing, t_end=2.0, draws=Draws(runs=4, generations=1)
+        fan.tune(trolley, family_of_ends, {"a": (0.5, 0.1)}, swing)
+    tuned = fan.tune(
+        trolley,
+        family_of_ends,
+        {"a": (0.5, 0.1)},
+        swing,
+        t_end=2.0,
+        draws=DrawOptions(runs=4, generations=1),
     )
-    assert ends.run.t[-1] == 2.0
+    assert tuned.run.t[-1] == 2.0
     with pytest.raises(fan.errors.StateError, match=r"none of the first 8 runs.*ended with DONE"):
         tune(cost=lambda run: np.inf)
 
@@ -202,7 +216,7 @@ def test_an_interrupted_search_keeps_the_best(trolley):
         lambda v: two_moves(trolley, 0.5),
         {"a": (0.0, 1.0)},
         swing,
-        draws=Draws(runs=4),
+        draws=DrawOptions(runs=4),
         progress=progress,
     )
     assert tuned.status is AnswerStatus.STOPPED
@@ -215,6 +229,6 @@ def test_time_is_limited(trolley):
         lambda v: two_moves(trolley, max(v["delay"], 0.2)),
         {"delay": (0.4, 0.1)},
         swing,
-        draws=Draws(runs=4, time_limit=1e-06),
+        draws=DrawOptions(runs=4, time_limit=1e-06),
     )
     assert tuned.status is AnswerStatus.TIMEOUT and len(tuned.curve) == 1

@@ -16,7 +16,7 @@ from fantoccini.control.optimal.sqp import Filter
 pytestmark = pytest.mark.medium
 
 
-def task(small_crane: fan.Marionette, bounds: fan.control.Bounds, **options) -> fan.Task:
+def task_to_end(small_crane: fan.Marionette, bounds: fan.control.Bounds, **options) -> fan.Task:
     options_of_task = {
         "duration": 1.0,
         "end": small_crane.rest({"line.x": 0.2}),
@@ -41,34 +41,34 @@ def task(small_crane: fan.Marionette, bounds: fan.control.Bounds, **options) -> 
 )
 def test_an_end_outside_its_bounds_is_refused_at_once(small_crane, bounds, words):
     with pytest.raises(fan.errors.StateError, match=words):
-        fan.optimise(task(small_crane, bounds))
+        fan.optimise(task_to_end(small_crane, bounds))
 
 
 def test_an_end_faster_than_its_bound_is_refused_at_once(small_crane):
     end = small_crane.rest({"line.x": 0.2})
     end = end.replace(v_K=np.array([0.6, 0.0]), v_D=np.array([0.6, 0.0]))
     with pytest.raises(fan.errors.StateError, match=r"the speed of line\.x is 0\.6 at the end"):
-        fan.optimise(task(small_crane, fan.control.Bounds(speed=0.5), end=end))
+        fan.optimise(task_to_end(small_crane, fan.control.Bounds(speed=0.5), end=end))
 
 
 def test_an_end_that_strings_do_not_allow_is_refused_at_once(small_crane):
     end = small_crane.rest({"line.x": 0.2})
     end = end.replace(q_D=end.q_D + np.array([0.0, -0.1]))
     with pytest.raises(fan.errors.StateError, match=r"the state at the end violates line by 0\.1"):
-        fan.optimise(task(small_crane, fan.control.Bounds(), end=end))
+        fan.optimise(task_to_end(small_crane, fan.control.Bounds(), end=end))
 
 
 def test_a_periodic_end_outside_its_bounds_is_refused_at_once(small_crane):
     bounds = fan.control.Bounds(position={"line.x": (-0.1, 0.15)})
-    ways = {"line.x": 0.2, "bob.x": 0.2}
+    displacements = {"line.x": 0.2, "bob.x": 0.2}
     with pytest.raises(fan.errors.StateError, match=r"line\.x is 0\.2 at the end"):
-        fan.optimise(task(small_crane, bounds, end=None, periodic=ways))
+        fan.optimise(task_to_end(small_crane, bounds, end=None, periodic=displacements))
 
 
 def test_a_task_that_holds_everything_is_refused_at_once(small_crane):
     held = fan.control.Bounds(held=("line.x", "line.length"))
     with pytest.raises(fan.errors.StateError, match="all driven coordinates are held"):
-        fan.optimise(task(small_crane, held, end=None))
+        fan.optimise(task_to_end(small_crane, held, end=None))
 
 
 def test_files_name_the_lines_of_an_end_outside_bounds_and_of_fixed_inputs(tmp_path):
@@ -86,36 +86,38 @@ def test_files_name_the_lines_of_an_end_outside_bounds_and_of_fixed_inputs(tmp_p
 
 def test_a_violated_bound_is_named_with_its_coordinate_and_time(small_crane):
     bounds = fan.control.Bounds(acceleration=0.01, held=("line.length",))
-    best = fan.optimise(task(small_crane, bounds), iterations=6)
+    best = fan.optimise(task_to_end(small_crane, bounds), iterations=6)
     assert best.status is fan.control.AnswerStatus.VIOLATED
     assert "x ends 0." in best.reason and "at 1 s" in best.reason, best.reason
     assert best.reason in best.summary()
     # A tension that no motion reaches, from the first node on.
-    strong = fan.control.Bounds(tension={"line": (9.0, np.inf)}, acceleration=0.5)
-    best = fan.optimise(task(small_crane, strong, end=None), iterations=6)
+    tension_bounds = fan.control.Bounds(tension={"line": (9.0, np.inf)}, acceleration=0.5)
+    best = fan.optimise(task_to_end(small_crane, tension_bounds, end=None), iterations=6)
     assert best.status is fan.control.AnswerStatus.VIOLATED
     assert "the tension of line is" in best.reason and "beyond its bounds 9 to inf" in best.reason
 
 
 def test_a_violated_bound_says_whether_the_search_was_cut_short(small_crane):
     """Regression: a search that had no time left looked like a task without a solution."""
-    unreachable = task(small_crane, fan.control.Bounds(acceleration=0.01, held=("line.length",)))
-    short = fan.optimise(unreachable, time_limit=1e-9)
-    assert short.status is fan.control.AnswerStatus.VIOLATED
-    assert "the time limit ended the search" in short.summary()
-    interrupted = fan.optimise(unreachable, iterations=2, time_limit=600.0)
+    unreachable_task = task_to_end(
+        small_crane, fan.control.Bounds(acceleration=0.01, held=("line.length",))
+    )
+    out_of_time = fan.optimise(unreachable_task, time_limit=1e-9)
+    assert out_of_time.status is fan.control.AnswerStatus.VIOLATED
+    assert "the time limit ended the search" in out_of_time.summary()
+    interrupted = fan.optimise(unreachable_task, iterations=2, time_limit=600.0)
     assert interrupted.status is fan.control.AnswerStatus.VIOLATED
     assert "2 iterations ended the search" in interrupted.reason
-    whole = fan.optimise(unreachable, iterations=1000, time_limit=600.0)
-    assert whole.status is fan.control.AnswerStatus.VIOLATED
-    assert "ended the search" not in whole.reason
+    completed = fan.optimise(unreachable_task, iterations=1000, time_limit=600.0)
+    assert completed.status is fan.control.AnswerStatus.VIOLATED
+    assert "ended the search" not in completed.reason
 
 
 def test_a_search_without_progress_names_its_residual(small_crane, monkeypatch):
     monkeypatch.setattr(Filter, "accepts", lambda self, before, now, falls: False)
     bounds = fan.control.Bounds(acceleration=1.0, held=("line.length",))
     track = fan.control.Track.coordinate("bob.x", 0.2)
-    best = fan.optimise(replace(task(small_crane, bounds, end=None), tracks=[track]))
+    best = fan.optimise(replace(task_to_end(small_crane, bounds, end=None), tracks=[track]))
     assert best.status is fan.control.AnswerStatus.STALLED
     assert "the acceleration of line.x at " in best.reason and "within -1 to 1" in best.reason
 
@@ -123,10 +125,10 @@ def test_a_search_without_progress_names_its_residual(small_crane, monkeypatch):
 def test_a_stationary_motion_that_is_no_minimum_is_not_the_answer(small_crane):
     """At rest the bob's height is stationary, for any motion of the trolley."""
     bounds = fan.control.Bounds(acceleration=3.0, held=("line.length",))
-    bounds = bounds.staying_taut(small_crane, small_crane.rest())
+    bounds = bounds.with_taut_strings(small_crane, small_crane.rest())
     high = fan.control.Track.coordinate("bob.z", -0.95, weight=100.0)
-    rocked = replace(task(small_crane, bounds, end=None, duration=1.5), tracks=[high])
-    best = fan.optimise(rocked, time_limit=600.0)
+    rocking_task = replace(task_to_end(small_crane, bounds, end=None, duration=1.5), tracks=[high])
+    best = fan.optimise(rocking_task, time_limit=600.0)
     assert best.curve[0][1] > 0.18
     assert best.cost < 0.5 * best.curve[0][1], best.summary()
 
@@ -135,9 +137,9 @@ def test_an_end_that_no_input_reaches_is_explained():
     """The load hangs from one point, and has no control about it."""
     crane = fan.puppets.crane()
     x0, end = crane.rest(), crane.rest({"trolley": 0.3})
-    turn = np.zeros(len(end.v_D))
-    turn[5] = 2e-4
-    end = end.replace(q_D=crane.integrate(end.q_D, turn))
+    rotation_change = np.zeros(len(end.v_D))
+    rotation_change[5] = 2e-4
+    end = end.replace(q_D=crane.integrate(end.q_D, rotation_change))
     bounds = fan.control.Bounds(acceleration=1.0, held=("hoist.length",))
     best = fan.optimise(
         fan.Task(crane, x0, 3.0, [], fan.control.Smooth(1e-3, 0.0), bounds, end=end, interval=0.1),
@@ -150,25 +152,25 @@ def test_an_end_that_no_input_reaches_is_explained():
 def test_ctrl_c_in_the_first_motion_is_no_mistake_of_the_task(small_crane, monkeypatch):
     simulate = shooting.simulate
 
-    def stopped(*args, **options):
+    def simulate_stopped(*args, **options):
         return replace(simulate(*args, **options), status=fan.Status.STOPPED)
 
-    monkeypatch.setattr(shooting, "simulate", stopped)
+    monkeypatch.setattr(shooting, "simulate", simulate_stopped)
     with pytest.raises(KeyboardInterrupt):
-        fan.optimise(task(small_crane, fan.control.Bounds()))
+        fan.optimise(task_to_end(small_crane, fan.control.Bounds()))
 
 
 def test_ctrl_c_in_a_later_motion_keeps_the_best(small_crane, monkeypatch):
     simulate, count = shooting.simulate, iter(range(100))
 
-    def stopped(*args, **options):
+    def simulate_then_stop(*args, **options):
         run = simulate(*args, **options)
         return replace(run, status=fan.Status.STOPPED) if next(count) >= 4 else run
 
-    monkeypatch.setattr(shooting, "simulate", stopped)
+    monkeypatch.setattr(shooting, "simulate", simulate_then_stop)
     best = fan.optimise(
         replace(
-            task(small_crane, fan.control.Bounds(), end=None),
+            task_to_end(small_crane, fan.control.Bounds(), end=None),
             tracks=[fan.control.Track.coordinate("bob.x", lambda t: 0.1 * t**2)],
         )
     )
@@ -178,7 +180,7 @@ def test_ctrl_c_in_a_later_motion_keeps_the_best(small_crane, monkeypatch):
 
 @pytest.mark.slow
 def test_ctrl_c_at_any_time_is_either_raised_or_kept(small_crane):
-    goal = task(small_crane, fan.control.Bounds(acceleration=1.0), interval=0.02)
+    goal = task_to_end(small_crane, fan.control.Bounds(acceleration=1.0), interval=0.02)
     for delay in np.linspace(0.0005, 0.08, 60):
         best = interrupted_after(delay, goal)  # early it may not have reached its end
         assert best is None or best.run.t[-1] == pytest.approx(1.0)

@@ -35,20 +35,20 @@ def test_it_ends_standing_as_it_began_except_for_the_displacement(promenade):
     gait, x0 = MarionetteGait(), promenade.rest()
     inputs = gait.inputs(promenade, 5, x0).bound(x0.q_K, x0.t)
     q_K = inputs.evaluate(inputs.end)[0]
-    moved = {name: q_K[i] - x0.q_K[i] for i, name in enumerate(promenade.coordinates.q_K)}
-    ahead = 4.0 * gait.stride  # the first step and the last are half as long
-    for name, way in moved.items():
+    displacements = {name: q_K[i] - x0.q_K[i] for i, name in enumerate(promenade.coordinates.q_K)}
+    distance = 4.0 * gait.stride  # the first step and the last are half as long
+    for name, displacement in displacements.items():
         if name.endswith(".y"):
             expected = gait.apart if name == "knee_left.y" else 0.0
             expected = -gait.apart if name == "knee_right.y" else expected
         elif name.endswith(".x"):
-            own = {"knee_left": gait.ahead, "knee_right": gait.ahead, "head": gait.lean}
-            expected = ahead + own.get(name.removesuffix(".x"), 0.0)
+            offsets = {"knee_left": gait.ahead, "knee_right": gait.ahead, "head": gait.lean}
+            expected = distance + offsets.get(name.removesuffix(".x"), 0.0)
         else:
             expected = {"knee": gait.slack, "hand": 0.0, "shoulder": gait.lower}.get(
                 name.split("_")[0], gait.lower + gait.nod
             )
-        assert way == pytest.approx(expected, abs=1e-12), name
+        assert displacement == pytest.approx(expected, abs=1e-12), name
 
 
 def test_steps_begin_at_their_given_places_and_times(promenade):

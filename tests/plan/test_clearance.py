@@ -22,7 +22,7 @@ pytestmark = [pytest.mark.medium, pytest.mark.long]
 KINDS = ("sphere", "capsule", "box")
 
 
-def shape(kind: str, rng: np.random.Generator) -> dict:
+def random_shape(kind: str, rng: np.random.Generator) -> dict:
     """A shape of about 10 cm about the origin, with the keys of a puppet file."""
     if kind == "sphere":
         return {
@@ -46,26 +46,26 @@ def rotation_matrix(box_shape: dict) -> np.ndarray:
     return Rotation.from_euler("xyz", box_shape["orientation"]["rpy"]).as_matrix()
 
 
-def geom(name: str, shape_data: dict, place: np.ndarray, turn: np.ndarray) -> str:
+def mujoco_geom(name: str, shape_data: dict, translation: np.ndarray, rotation: np.ndarray) -> str:
     """The same shape as a geom of MuJoCo, moved by a rotation and a translation."""
 
     def numbers(x) -> str:
         return " ".join(repr(float(v)) for v in np.ravel(x))
 
     def move(x) -> np.ndarray:
-        return turn @ np.asarray(x) + place
+        return rotation @ np.asarray(x) + translation
 
     if shape_data["type"] == "capsule":
         ends = [move(shape_data["from"]), move(shape_data["to"])]
-        form = f'type="capsule" size="{shape_data["radius"]}" fromto="{numbers(ends)}"'
-        return f'<geom name="{name}" {form}/>'
-    at = f'pos="{numbers(move(shape_data["at"]))}"'
+        attributes = f'type="capsule" size="{shape_data["radius"]}" fromto="{numbers(ends)}"'
+        return f'<geom name="{name}" {attributes}/>'
+    position = f'pos="{numbers(move(shape_data["at"]))}"'
     if shape_data["type"] == "sphere":
-        return f'<geom name="{name}" type="sphere" size="{shape_data["radius"]}" {at}/>'
-    R = turn @ rotation_matrix(shape_data)
-    axes = f'xyaxes="{numbers(R[:, :2].T)}"'
-    half = numbers(np.array(shape_data["size"]) / 2)
-    return f'<geom name="{name}" type="box" size="{half}" {at} {axes}/>'
+        return f'<geom name="{name}" type="sphere" size="{shape_data["radius"]}" {position}/>'
+    box_rotation = rotation @ rotation_matrix(shape_data)
+    axes = f'xyaxes="{numbers(box_rotation[:, :2].T)}"'
+    half_size = numbers(np.array(shape_data["size"]) / 2)
+    return f'<geom name="{name}" type="box" size="{half_size}" {position} {axes}/>'
 
 
 def mujoco_distance(first: str, second: str) -> float:
@@ -77,10 +77,10 @@ def mujoco_distance(first: str, second: str) -> float:
     return mujoco.mj_geomDistance(model, data, 0, 1, 10.0, np.zeros(6))
 
 
-def free_body(shape_data: dict) -> fan.Marionette:
+def body_with_shape(shape_data: dict) -> fan.Marionette:
     """One free body with one shape; shapes are not compiled, so that one library suffices."""
     puppet = fan.loads(str({"puppet": "flying", "bodies": [BODY | {"shapes": [shape_data]}]}))
-    puppet.__dict__["clearances"] = clearances()
+    puppet.__dict__["clearances"] = shared_clearances()
     return puppet
 
 
@@ -88,7 +88,7 @@ BODY = {"name": "body", "joint": {"type": "free"}, "mass": 1.0, "inertia": [1, 1
 
 
 @cache
-def clearances() -> ClearanceLibrary:
+def shared_clearances() -> ClearanceLibrary:
     return fan.loads(str({"puppet": "flying", "bodies": [BODY]})).libraries.clearances
 
 
@@ -96,12 +96,12 @@ def random_placement(
     puppet: fan.Marionette, rng: np.random.Generator
 ) -> tuple[fan.State, np.ndarray]:
     x = puppet.state()
-    turn = Rotation.random(random_state=rng)
-    w, v = turn.as_quat()[3], turn.as_quat()[:3]
+    rotation = Rotation.random(random_state=rng)
+    w, v = rotation.as_quat()[3], rotation.as_quat()[:3]
     q = x.q_D.copy()
     q[:3] = rng.normal(0, 0.06, 3)
     q[3:] = [w, *v]
-    return x.replace(q_D=q), turn.as_matrix()
+    return x.replace(q_D=q), rotation.as_matrix()
 
 
 PAIRS = [p for p in itertools.product(KINDS, KINDS) if set(p) != {"capsule", "box"}]
@@ -110,18 +110,19 @@ PAIRS = [p for p in itertools.product(KINDS, KINDS) if set(p) != {"capsule", "bo
 """
 
 
-@pytest.mark.parametrize(("moving", "still"), PAIRS)
-def test_distances_equal_those_of_mujoco(moving, still):
-    rng = np.random.default_rng(KINDS.index(moving) + 3 * KINDS.index(still))
-    puppet_shape = shape(moving, rng)
-    puppet = free_body(puppet_shape)
+@pytest.mark.parametrize(("moving_kind", "obstacle_kind"), PAIRS)
+def test_distances_equal_those_of_mujoco(moving_kind, obstacle_kind):
+    rng = np.random.default_rng(KINDS.index(moving_kind) + 3 * KINDS.index(obstacle_kind))
+    puppet_shape = random_shape(moving_kind, rng)
+    puppet = body_with_shape(puppet_shape)
     n_apart = n_overlapping = 0
     for _ in range(80):
-        x, turn = random_placement(puppet, rng)
-        other = shape(still, rng)
-        (distance,) = [Clearance(puppet, [other | {"name": "it"}]).of(x)]
+        x, rotation = random_placement(puppet, rng)
+        obstacle = random_shape(obstacle_kind, rng)
+        (distance,) = [Clearance(puppet, [obstacle | {"name": "it"}]).of(x)]
         expected = mujoco_distance(
-            geom("a", puppet_shape, x.q_D[:3], turn), geom("b", other, np.zeros(3), np.eye(3))
+            mujoco_geom("a", puppet_shape, x.q_D[:3], rotation),
+            mujoco_geom("b", obstacle, np.zeros(3), np.eye(3)),
         )
         if abs(expected) < 1e-5:
             continue
@@ -134,28 +135,29 @@ def test_distances_equal_those_of_mujoco(moving, still):
 
 def test_boxes_have_the_distance_of_coal():
     rng = np.random.default_rng(8)
-    own_box = shape("box", rng)
-    puppet = free_body(own_box)
+    moving_box = random_shape("box", rng)
+    puppet = body_with_shape(moving_box)
     n_apart = 0
     for _ in range(200):
-        x, turn = random_placement(puppet, rng)
+        x, rotation = random_placement(puppet, rng)
         x = x.replace(q_D=[*(2.0 * x.q_D[:3]), *x.q_D[3:]])
-        other = shape("box", rng)
+        obstacle = random_shape("box", rng)
         places = (
             coal.Transform3s(
-                turn @ rotation_matrix(own_box), turn @ np.array(own_box["at"]) + x.q_D[:3]
+                rotation @ rotation_matrix(moving_box),
+                rotation @ np.array(moving_box["at"]) + x.q_D[:3],
             ),
-            coal.Transform3s(rotation_matrix(other), np.array(other["at"])),
+            coal.Transform3s(rotation_matrix(obstacle), np.array(obstacle["at"])),
         )
         expected = coal.distance(
-            coal.Box(*own_box["size"]),
+            coal.Box(*moving_box["size"]),
             places[0],
-            coal.Box(*other["size"]),
+            coal.Box(*obstacle["size"]),
             places[1],
             coal.DistanceRequest(),
             coal.DistanceResult(),
         )
-        distance = float(Clearance(puppet, [other | {"name": "it"}]).of(x))
+        distance = float(Clearance(puppet, [obstacle | {"name": "it"}]).of(x))
         assert (distance > 0.0) == (expected > 0.0) or abs(expected) < 1e-6
         if expected > 1e-6:
             assert distance == pytest.approx(expected, abs=1e-9)
@@ -177,86 +179,94 @@ def test_boxes_have_the_distance_of_coal():
 def test_boxes_have_the_distance_of_geometry(rpy, at, gap):
     """Cubes with edges of 0.2, one of them turned and moved, and then both turned at random."""
     cube = {"type": "box", "size": [0.2, 0.2, 0.2]}
-    puppet = free_body(cube)
-    turn = Rotation.from_euler("xyz", rpy, degrees=True)
+    puppet = body_with_shape(cube)
+    rotation = Rotation.from_euler("xyz", rpy, degrees=True)
     for view in (Rotation.identity(), Rotation.from_euler("xyz", [0.3, -0.4, 0.9])):
-        w = np.roll((view * turn).as_quat(), 1)
-        x = puppet.state().replace(q_D=[*view.apply(at), *w])
-        still = cube | {"name": "it", "orientation": {"rpy": view.as_euler("xyz").tolist()}}
-        assert float(Clearance(puppet, [still]).of(x)) == pytest.approx(gap, abs=1e-12)
+        quaternion = np.roll((view * rotation).as_quat(), 1)
+        x = puppet.state().replace(q_D=[*view.apply(at), *quaternion])
+        obstacle = cube | {"name": "it", "orientation": {"rpy": view.as_euler("xyz").tolist()}}
+        assert float(Clearance(puppet, [obstacle]).of(x)) == pytest.approx(gap, abs=1e-12)
 
 
 def test_a_box_and_a_capsule_are_as_far_as_the_nearest_of_many_points():
     rng = np.random.default_rng(5)
-    box = shape("box", rng)
-    puppet = free_body(box)
+    box = random_shape("box", rng)
+    puppet = body_with_shape(box)
     n_overlapping = 0
     for _ in range(40):
-        x, turn = random_placement(puppet, rng)
-        other = shape("capsule", rng)
+        x, rotation = random_placement(puppet, rng)
+        obstacle = random_shape("capsule", rng)
         t = np.linspace(0.0, 1.0, 100_001)[:, None]
-        along = np.array(other["from"]) + t * (np.array(other["to"]) - other["from"])
-        inside = (along - turn @ np.array(box["at"]) - x.q_D[:3]) @ (turn @ rotation_matrix(box))
-        gaps = np.maximum(np.abs(inside) - np.array(box["size"]) / 2, 0.0)
-        expected = np.linalg.norm(gaps, axis=1).min() - other["radius"]
-        distance = float(Clearance(puppet, [other | {"name": "it"}]).of(x))
+        axis_points = np.array(obstacle["from"]) + t * (np.array(obstacle["to"]) - obstacle["from"])
+        box_coordinates = (axis_points - rotation @ np.array(box["at"]) - x.q_D[:3]) @ (
+            rotation @ rotation_matrix(box)
+        )
+        gaps = np.maximum(np.abs(box_coordinates) - np.array(box["size"]) / 2, 0.0)
+        expected = np.linalg.norm(gaps, axis=1).min() - obstacle["radius"]
+        distance = float(Clearance(puppet, [obstacle | {"name": "it"}]).of(x))
         assert expected - 1e-5 < distance < expected + 1e-12
         n_overlapping += distance < 0.0
     assert 5 < n_overlapping < 35
 
 
-@pytest.mark.parametrize("still", ["sphere", "capsule", "box", "half_space"])
-def test_the_distance_of_a_capsule_is_the_least_along_it(still):
+@pytest.mark.parametrize("obstacle_kind", ["sphere", "capsule", "box", "half_space"])
+def test_the_distance_of_a_capsule_is_the_least_along_it(obstacle_kind):
     rng = np.random.default_rng(5)
-    puppet_shape = shape("capsule", rng)
-    puppet = free_body(puppet_shape)
+    puppet_shape = random_shape("capsule", rng)
+    puppet = body_with_shape(puppet_shape)
     for _ in range(40):
-        x, turn = random_placement(puppet, rng)
-        if still == "half_space":
+        x, rotation = random_placement(puppet, rng)
+        if obstacle_kind == "half_space":
             normal = rng.normal(size=3)
-            other = {"type": still, "at": rng.normal(0, 0.1, 3).tolist(), "normal": normal.tolist()}
+            obstacle = {
+                "type": obstacle_kind,
+                "at": rng.normal(0, 0.1, 3).tolist(),
+                "normal": normal.tolist(),
+            }
         else:
-            other = shape(still, rng)
-        distance = float(Clearance(puppet, [other | {"name": "it"}]).of(x))
-        a, b = (turn @ puppet_shape[key] + x.q_D[:3] for key in ("from", "to"))
+            obstacle = random_shape(obstacle_kind, rng)
+        distance = float(Clearance(puppet, [obstacle | {"name": "it"}]).of(x))
+        a, b = (rotation @ puppet_shape[key] + x.q_D[:3] for key in ("from", "to"))
 
-        def square(t, a=a, b=b, other=other):
-            return core_distance(a + t[0] * (b - a), other, t[1:]) ** 2
+        def squared_distance(t, a=a, b=b, obstacle=obstacle):
+            return core_distance(a + t[0] * (b - a), obstacle, t[1:]) ** 2
 
-        if still == "half_space":
+        if obstacle_kind == "half_space":
             unit = normal / np.linalg.norm(normal)
-            lowest = min((a - other["at"]) @ unit, (b - other["at"]) @ unit)
+            lowest = min((a - obstacle["at"]) @ unit, (b - obstacle["at"]) @ unit)
             assert distance == pytest.approx(lowest - puppet_shape["radius"], abs=1e-14)
             continue
         # The squared distance is convex: every start reaches its minimum.
         options = {"bounds": [(0, 1), (0, 1)], "tol": 1e-15, "method": "L-BFGS-B"}
-        squared = minimize(square, (0.5, 0.5), **options).fun
-        expected = np.sqrt(squared) - puppet_shape["radius"] - other.get("radius", 0.0)
+        least_squared = minimize(squared_distance, (0.5, 0.5), **options).fun
+        expected = np.sqrt(least_squared) - puppet_shape["radius"] - obstacle.get("radius", 0.0)
         assert distance == pytest.approx(expected, abs=2e-6)
         assert distance <= expected + 1e-9, "the distance is at most that of any point on it"
 
 
-def core_distance(point: np.ndarray, other: dict, t: np.ndarray) -> float:
+def core_distance(point: np.ndarray, shape: dict, position: np.ndarray) -> float:
     """Distance of a point from another shape's core; t is the position on a segment, 0 to 1."""
-    if other["type"] == "sphere":
-        return float(np.linalg.norm(point - other["at"]))
-    if other["type"] == "capsule":
-        there = np.array(other["from"]) + t[0] * (np.array(other["to"]) - other["from"])
-        return float(np.linalg.norm(point - there))
-    R = rotation_matrix(other)
-    inside = R.T @ (point - other["at"])
-    return float(np.linalg.norm(np.maximum(np.abs(inside) - np.array(other["size"]) / 2, 0.0)))
+    if shape["type"] == "sphere":
+        return float(np.linalg.norm(point - shape["at"]))
+    if shape["type"] == "capsule":
+        axis_point = np.array(shape["from"]) + position[0] * (np.array(shape["to"]) - shape["from"])
+        return float(np.linalg.norm(point - axis_point))
+    R = rotation_matrix(shape)
+    box_coordinates = R.T @ (point - shape["at"])
+    return float(
+        np.linalg.norm(np.maximum(np.abs(box_coordinates) - np.array(shape["size"]) / 2, 0.0))
+    )
 
 
 def test_a_string_is_kept_clear_too():
     arm = fan.puppets.arm3d()
     x = arm.rest()
-    on_the_line = {"name": "bead", "type": "sphere", "radius": 0.01, "at": [0.3, 0, 0.2]}
-    assert float(Clearance(arm, [on_the_line]).of(x)) == pytest.approx(-0.01, abs=1e-6)
-    assert Clearance(arm, [on_the_line]).nearest(x).what == "string hand"
-    assert float(Clearance(arm, [on_the_line], strings=False).of(x)) > 0.3
-    thick = Clearance(arm, [on_the_line | {"at": [0.4, 0, 0.2]}], string_radius=0.02)
-    assert float(thick.of(x)) == pytest.approx(0.1 - 0.01 - 0.02, abs=1e-3)
+    bead = {"name": "bead", "type": "sphere", "radius": 0.01, "at": [0.3, 0, 0.2]}
+    assert float(Clearance(arm, [bead]).of(x)) == pytest.approx(-0.01, abs=1e-6)
+    assert Clearance(arm, [bead]).nearest(x).what == "string hand"
+    assert float(Clearance(arm, [bead], strings=False).of(x)) > 0.3
+    with_radius = Clearance(arm, [bead | {"at": [0.4, 0, 0.2]}], string_radius=0.02)
+    assert float(with_radius.of(x)) == pytest.approx(0.1 - 0.01 - 0.02, abs=1e-3)
 
 
 def test_a_string_without_thickness_does_not_pass_through_a_box():
@@ -283,13 +293,13 @@ def test_a_puppet_may_be_kept_clear_of_itself():
         )
     ]
     chain = fan.loads(str({"puppet": "chain", "bodies": links}))
-    own = Clearance(chain, self_collision=True)
+    self_clearance = Clearance(chain, self_collision=True)
     x = chain.state({"j_b": np.pi / 2, "j_c": np.pi / 2})
-    assert float(own.of(x)) == pytest.approx(0.2 - 0.02, abs=1e-12)
-    assert {own.nearest(x).what, own.nearest(x).other} == {"a", "c"}
+    assert float(self_clearance.of(x)) == pytest.approx(0.2 - 0.02, abs=1e-12)
+    assert {self_clearance.nearest(x).what, self_clearance.nearest(x).other} == {"a", "c"}
     folded = chain.state({"j_b": 2 * np.pi / 3, "j_c": 2 * np.pi / 3})
-    assert float(own.of(folded)) == pytest.approx(-0.02, abs=1e-9)
-    assert "inside" in str(own.nearest(folded))
+    assert float(self_clearance.of(folded)) == pytest.approx(-0.02, abs=1e-9)
+    assert "inside" in str(self_clearance.nearest(folded))
     assert Clearance(chain).nearest(x) is None
     assert np.isinf(Clearance(chain).of(x))
 
@@ -302,8 +312,8 @@ def test_floor_and_many_rows_and_threads():
     assert distance.shape == run.t.shape
     rows = [float(clear.of(run.state(i))) for i in (0, 7, -1)]
     assert [distance[0], distance[7], distance[-1]] == rows
-    many = np.tile(run.q_D, (40, 1)), np.tile(run.q_K, (40, 1))
-    assert np.array_equal(clear.at(*many, threads=1), clear.at(*many, threads=2))
+    repeated = np.tile(run.q_D, (40, 1)), np.tile(run.q_K, (40, 1))
+    assert np.array_equal(clear.at(*repeated, threads=1), clear.at(*repeated, threads=2))
     assert "ground" in str(clear.nearest(run))
 
 
@@ -344,28 +354,30 @@ def test_a_puppet_without_shapes_keeps_its_strings_clear_or_nothing():
     x = puppet.rest()
     bead = {"name": "bead", "type": "sphere", "radius": 0.1, "at": [0.3, 0, 0.5]}
     assert Clearance(puppet, [bead]).nearest(x).what == "string s"
-    without = Clearance(puppet, [bead], strings=False)
-    assert without.nearest(x) is None and np.isinf(without.of(x))
+    without_strings = Clearance(puppet, [bead], strings=False)
+    assert without_strings.nearest(x) is None and np.isinf(without_strings.of(x))
 
 
 def test_an_ellipsoid_is_exact_against_half_spaces_and_a_capsule_against_the_rest():
-    turn = {"rpy": ["20 deg", "-35 deg", "50 deg"]}
-    shape = {"type": "ellipsoid", "radii": [0.1, 0.2, 0.05], "at": [0.02, 0.0, 0.03]}
-    puppet = free_body(shape | {"orientation": turn})
+    orientation = {"rpy": ["20 deg", "-35 deg", "50 deg"]}
+    ellipsoid = {"type": "ellipsoid", "radii": [0.1, 0.2, 0.05], "at": [0.02, 0.0, 0.03]}
+    puppet = body_with_shape(ellipsoid | {"orientation": orientation})
     x = puppet.state()
     R = np.asarray(puppet.puppet.bodies[0].shapes[0].orientation.matrix)
     rng = np.random.default_rng(5)
-    ball = rng.normal(size=(400_000, 3))
-    ball /= np.linalg.norm(ball, axis=1, keepdims=True)
-    skin = (ball * shape["radii"]) @ R.T + shape["at"]
+    directions = rng.normal(size=(400_000, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    surface_points = (directions * ellipsoid["radii"]) @ R.T + ellipsoid["at"]
     for normal in ([0, 0, 1.0], [0, -1.0, 0], [0.6, 0.0, 0.8]):
         wall = {"name": "wall", "type": "half_space", "at": (-np.array(normal)).tolist()}
         distance = float(Clearance(puppet, [wall | {"normal": normal}]).of(x))
-        lowest = float(np.min(skin @ normal))
+        lowest = float(np.min(surface_points @ normal))
         assert distance == pytest.approx(lowest + 1.0, abs=1e-5)
-    flat = free_body(shape)
+    axis_aligned = body_with_shape(ellipsoid)
     bead = {"name": "bead", "type": "sphere", "radius": 0.1, "at": [0.02, 0.0, 0.53]}
-    assert float(Clearance(flat, [bead]).of(flat.state())) == pytest.approx(0.5 - 0.1 - 0.1)
+    assert float(Clearance(axis_aligned, [bead]).of(axis_aligned.state())) == pytest.approx(
+        0.5 - 0.1 - 0.1
+    )
 
 
 def test_slack_strings_keep_clear_along_their_hanging_curve():
@@ -375,26 +387,30 @@ def test_slack_strings_keep_clear_along_their_hanging_curve():
     rng = np.random.default_rng(6)
     states = []
     for _ in range(40):
-        turn = rng.normal(size=3) * 0.4
-        x = arm.state({"elbow": rng.uniform(0.2, 2.0), "shoulder.rotation": turn})
+        rotation = rng.normal(size=3) * 0.4
+        x = arm.state({"elbow": rng.uniform(0.2, 2.0), "shoulder.rotation": rotation})
         reach = np.linalg.norm(np.diff(arm.string_points(x.q_D, x.q_K)["hand"], axis=0))
         states.append(x.replace(q_K=[*x.q_K[:2], reach * (1.0 + rng.uniform(0.0, 0.5))]))
     beads = [
         {"name": f"b{k}", "type": "sphere", "radius": 0.01, "at": at.tolist()}
         for k, at in enumerate(rng.normal(size=(3, 3)) * 0.4)
     ]
-    clear, without = (Clearance(arm, beads, strings=s) for s in (True, False))
-    differs = 0
+    clear, without_strings = (Clearance(arm, beads, strings=s) for s in (True, False))
+    n_different = 0
     for x in states:
         a, b = arm.string_points(x.q_D, x.q_K)["hand"]
-        thread = rope.hanging(a, b, float(x.q_K[2]), 4000)
-        nearest = min(np.min(np.linalg.norm(thread - bead["at"], axis=1)) - 0.01 for bead in beads)
-        expected = min(float(without.of(x)), float(nearest))
+        curve = rope.hanging(a, b, float(x.q_K[2]), 4000)
+        nearest = min(np.min(np.linalg.norm(curve - bead["at"], axis=1)) - 0.01 for bead in beads)
+        expected = min(float(without_strings.of(x)), float(nearest))
         assert float(clear.of(x)) == pytest.approx(expected, abs=4e-3)
-        line = a + np.linspace(0, 1, 2000)[:, None] * (b - a)
-        chord = min(np.min(np.linalg.norm(line - bead["at"], axis=1)) - 0.01 for bead in beads)
-        differs += abs(min(float(without.of(x)), float(chord)) - expected) > 0.02
-    assert differs >= 5, "hanging matters in some of them"
+        chord_points = a + np.linspace(0, 1, 2000)[:, None] * (b - a)
+        chord_distance = min(
+            np.min(np.linalg.norm(chord_points - bead["at"], axis=1)) - 0.01 for bead in beads
+        )
+        n_different += (
+            abs(min(float(without_strings.of(x)), float(chord_distance)) - expected) > 0.02
+        )
+    assert n_different >= 5, "hanging matters in some of them"
 
 
 def test_slack_strings_may_lie_on_a_floor():

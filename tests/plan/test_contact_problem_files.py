@@ -55,14 +55,14 @@ def folder(tmp_path):
     return tmp_path
 
 
-def written(folder, text: str):
+def write_problem(folder, text: str):
     path = folder / "problem.yaml"
     path.write_text(text, encoding="utf-8")
     return path
 
 
 def test_a_file_with_a_touch_equals_python(folder):
-    read = fan.control.load_problem(written(folder, TOUCH))
+    file_problem = fan.control.load_problem(write_problem(folder, TOUCH))
     arm, start = over_table()
     shelf = {"name": "shelf", "type": "box", "size": [0.2, 0.3, 0.02], "at": [0.4, 0, 0.45]}
     problem = fan.control.Problem(
@@ -72,19 +72,23 @@ def test_a_file_with_a_touch_equals_python(folder):
         [shelf],
         bounds=fan.control.Bounds(clearance=0.005),
     )
-    assert read.hold == problem.hold > 0.0 and read.fingerprint == problem.fingerprint
-    a, b = fan.control.solve(read, seed=1), fan.control.solve(problem, seed=1)
+    assert (
+        file_problem.hold == problem.hold > 0.0 and file_problem.fingerprint == problem.fingerprint
+    )
+    a, b = fan.control.solve(file_problem, seed=1), fan.control.solve(problem, seed=1)
     assert a and a.path == b.path and np.array_equal(a.tree.q_D, b.tree.q_D)
     assert LEVEL["wrist.length"] == start.q_K[arm.coordinates.q_K.index("wrist.length")]
 
 
 def test_a_file_with_a_push(folder):
-    problem = fan.control.load_problem(written(folder, PUSH))
+    problem = fan.control.load_problem(write_problem(folder, PUSH))
     assert problem.push.prop == "crate" and problem.push.pusher == "hand"
-    assert problem.push.place - problem.push.first == pytest.approx([0.1, 0.0, 0.0])
+    assert problem.push.goal_position - problem.push.start_position == pytest.approx(
+        [0.1, 0.0, 0.0]
+    )
     assert fan.control.solve(problem, seed=0, time_limit=60.0)
-    short = fan.control.load_problem(written(folder, PUSH + "hold: 0.25\n"))
-    assert short.hold == 0.25 and short.fingerprint != problem.fingerprint
+    short_hold = fan.control.load_problem(write_problem(folder, PUSH + "hold: 0.25\n"))
+    assert short_hold.hold == 0.25 and short_hold.fingerprint != problem.fingerprint
 
 
 def test_a_file_with_a_stance():
@@ -95,11 +99,11 @@ def test_a_file_with_a_stance():
 
 
 def test_the_command_reports_touches(folder):
-    path = written(folder, TOUCH)
+    path = write_problem(folder, TOUCH)
     result = fantoccini("plan", path, "--seed", "1")
     assert result.exit_code == 0, result.stderr
     assert "hand on shelf" in result.stdout and "step quartered" in result.stdout
-    distant = written(folder, TOUCH.replace("at: [0.4, 0, 0.45]", "at: [2, 0, 0.45]"))
+    distant = write_problem(folder, TOUCH.replace("at: [0.4, 0, 0.45]", "at: [2, 0, 0.45]"))
     result = fantoccini("plan", distant)
     assert result.exit_code == 1 and "hand reaches at most" in result.stderr
 
@@ -122,7 +126,7 @@ def test_the_command_reports_touches(folder):
 )
 def test_mistakes_have_places(folder, text, change, line, message):
     assert change[0] in text
-    path = written(folder, text.replace(*change))
+    path = write_problem(folder, text.replace(*change))
     with pytest.raises(FileError, match=message) as caught:
         fan.control.load_problem(path)
     assert f"problem.yaml:{line}" in str(caught.value)
@@ -130,7 +134,7 @@ def test_mistakes_have_places(folder, text, change, line, message):
 
 @pytest.mark.parametrize("text", [TOUCH, PUSH])
 def test_the_schema_accepts_them(folder, text):
-    jsonschema.validate(read_file(written(folder, text)).data, problem_schema())
-    wrong = read_file(written(folder, text.replace("contact:", "contract:"))).data
+    jsonschema.validate(read_file(write_problem(folder, text)).data, problem_schema())
+    wrong = read_file(write_problem(folder, text.replace("contact:", "contract:"))).data
     with pytest.raises(jsonschema.ValidationError):
         jsonschema.validate(wrong, problem_schema())

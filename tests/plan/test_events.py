@@ -7,7 +7,7 @@ import pytest
 
 import fantoccini as fan
 from fantoccini.control.planning import PlanResult, solve
-from fantoccini.control.planning.active_sets import event_derivatives, extended
+from fantoccini.control.planning.active_sets import advance_states, event_derivatives
 from fantoccini.control.planning.planners import PlannerRound
 from fantoccini.control.problems import Problem
 from fantoccini.control.tasks import AnswerStatus, StateArrays
@@ -15,12 +15,12 @@ from fantoccini.dynamics.compiled import Evaluation
 from fantoccini.motion import State
 
 
-def dropped(lift: float, segments: int) -> PlanResult:
+def drop_plan(lift: float, segments: int) -> PlanResult:
     """The 2D arm is released above its rest, with its string's end at rest: one catch."""
     arm = fan.puppets.arm2d()
-    rest = arm.rest({"hand.length": 0.8})
-    start = rest.replace(
-        q_D=rest.q_D + np.array([lift, -0.3 * lift]), taut=np.zeros_like(rest.taut)
+    resting = arm.rest({"hand.length": 0.8})
+    start = resting.replace(
+        q_D=resting.q_D + np.array([lift, -0.3 * lift]), taut=np.zeros_like(resting.taut)
     )
     duration = 0.1 * segments
     run = fan.simulate(
@@ -34,20 +34,20 @@ def dropped(lift: float, segments: int) -> PlanResult:
         arm, start, goal, tolerance=0.001, bounds=fan.control.Bounds(speed=5.0, acceleration=10.0)
     )
 
-    def still(tree, rollouts, rng):
-        first = np.zeros(1, dtype=int)
+    def hold_still(tree, rollouts, rng):
+        first_node = np.zeros(1, dtype=int)
         rolled = rollouts.simulate(
-            tree.states, first, np.zeros((1, segments, arm.coordinates.n_vK))
+            tree.states, first_node, np.zeros((1, segments, arm.coordinates.n_vK))
         )
-        return PlannerRound(1, tree.add_segments(rolled, first, rollouts.options.interval))
+        return PlannerRound(1, tree.add_segments(rolled, first_node, rollouts.options.interval))
 
     # In located form, the catch moves its end by more than the tolerance; the laws use its nodes.
-    plan = solve(problem, planner=still, iterations=1, confirm=False)
+    plan = solve(problem, planner=hold_still, iterations=1, confirm=False)
     assert plan.status is AnswerStatus.UNCONFIRMED and abs(plan.duration - duration) < 1e-9
     return plan
 
 
-def catches(plan: PlanResult, start: State) -> list[float]:
+def catch_times(plan: PlanResult, start: State) -> list[float]:
     run = fan.simulate(plan.problem.marionette, start, t_end=plan.duration, method="event")
     return [event.t for event in run.events if event.kind.value == "catch"]
 
@@ -57,37 +57,37 @@ def catches(plan: PlanResult, start: State) -> list[float]:
 )
 def test_a_late_or_early_catch_uses_the_gains_of_its_mode(lift, kicks):
     """At the second node it is on the other side of the catch than the plan."""
-    plan, late = dropped(lift, 4), kicks[0] > 0.0
+    plan, is_late = drop_plan(lift, 4), kicks[0] > 0.0
     by_event, by_time = plan.feedback(), plan.feedback(window=0)
-    assert by_event.active[1, 0] == late and not len(by_time.extended.late)
+    assert by_event.active_sets[1, 0] == is_late and not len(by_time.extensions.offset)
     deviations = []
     for kick in kicks:
         start = plan.start.replace(v_D=plan.start.v_D + np.array([kick, 0.0]))
-        assert (catches(plan, start)[0] > 0.1) == late
+        assert (catch_times(plan, start)[0] > 0.1) == is_late
         deviations.append([law.run(start).distance for law in (by_time, by_event)])
-    time, event = np.median(deviations, axis=0)
-    assert event < time / 3.0, (time, event)
+    time_distance, event_distance = np.median(deviations, axis=0)
+    assert event_distance < time_distance / 3.0, (time_distance, event_distance)
 
 
 def test_the_active_set_is_the_puppets():
-    plan = dropped(0.17, 4)
+    plan = drop_plan(0.17, 4)
     law, arm = plan.feedback(), plan.problem.marionette
-    assert law.active[:, 0].tolist() == [False, True, True, True, True]
+    assert law.active_sets[:, 0].tolist() == [False, True, True, True, True]
     x = arm.stepper(plan.start).advance(0.2)
     assert law.active_set(x) == [True]
-    empty = arm.project(x).replace(taut=np.zeros_like(x.taut))
-    assert law.active_set(empty) == [True], "not filled in"
+    without_taut_rows = arm.project(x).replace(taut=np.zeros_like(x.taut))
+    assert law.active_set(without_taut_rows) == [True], "not filled in"
     slack = x.replace(q_K=x.q_K + np.array([0.0, 0.01]), taut=np.zeros_like(x.taut))
     assert law.active_set(slack) == [False]
     # The reference at its own time is the plan's; at other times it is the nearest one.
     node, gains = law.reference(1, x)
     assert gains is not None and np.array_equal(node.q_D, law.nodes.q_D[1])
-    late, _ = law.reference(1, slack)
-    assert Evaluation.of(arm, x.replace(q_D=late.q_D, v_D=late.v_D)).h[0] > 0.0, (
+    late_node, _ = law.reference(1, slack)
+    assert Evaluation.of(arm, x.replace(q_D=late_node.q_D, v_D=late_node.v_D)).h[0] > 0.0, (
         "extended beyond the catch"
     )
-    early, _ = law.reference(0, x)
-    assert abs(Evaluation.of(arm, x.replace(q_D=early.q_D, v_D=early.v_D)).h[0]) < 1e-4
+    early_node, _ = law.reference(0, x)
+    assert abs(Evaluation.of(arm, x.replace(q_D=early_node.q_D, v_D=early_node.v_D)).h[0]) < 1e-4
     # So late, the plan has no slack string: gains go by time.
     assert np.array_equal(law.reference(3, slack)[0].q_D, law.nodes.q_D[3])
 
@@ -95,27 +95,29 @@ def test_the_active_set_is_the_puppets():
 def test_active_sets_are_extended_as_in_the_event_driven_method():
     """Forwards, and back to their origin; with and without the string."""
     arm = fan.puppets.arm3d()
-    hangs = arm.rest({"hand.x": 0.3, "hand.length": 1.2})
+    hanging = arm.rest({"hand.x": 0.3, "hand.length": 1.2})
     for x in (
-        arm.project(hangs.replace(v_D=[0.0, 0.4, 0.0, -0.5])),
-        hangs.replace(q_K=hangs.q_K + np.array([0.0, 0.0, 0.1]), taut=np.zeros_like(hangs.taut)),
+        arm.project(hanging.replace(v_D=[0.0, 0.4, 0.0, -0.5])),
+        hanging.replace(
+            q_K=hanging.q_K + np.array([0.0, 0.0, 0.1]), taut=np.zeros_like(hanging.taut)
+        ),
     ):
         acc_K = np.array([0.3, -0.2, 0.1])
         stepper = arm.stepper(x, "event")
         y = stepper.advance(0.1, acc_K)
         active = x.taut[None, :1]
         assert np.array_equal(y.taut, x.taut)
-        begin = StateArrays.of(x.replace(slip=np.zeros(1)))
-        end = extended(arm, begin, active, acc_K[None], np.array([0.1]))
+        start = StateArrays.of(x.replace(slip=np.zeros(1)))
+        end = advance_states(arm, start, active, acc_K[None], np.array([0.1]))
         for name in ("q_D", "v_D", "q_K", "v_K"):
             np.testing.assert_allclose(getattr(end, name)[0], getattr(y, name), atol=2e-4)
-        back = extended(arm, end, active, acc_K[None], np.array([-0.1]))
-        np.testing.assert_allclose(back.q_D[0], x.q_D, atol=1e-6)
+        back_at_start = advance_states(arm, end, active, acc_K[None], np.array([-0.1]))
+        np.testing.assert_allclose(back_at_start.q_D[0], x.q_D, atol=1e-6)
 
 
 def test_derivatives_through_a_catch_are_those_of_neighbours():
     """Differences of event-driven runs, for changes that keep the order of events."""
-    plan = dropped(0.83, 5)
+    plan = drop_plan(0.83, 5)
     arm, start = plan.problem.marionette, plan.start
     law = plan.feedback()
     A, B = event_derivatives(arm, law.nodes[1], np.zeros(2), 0.15, np.zeros(1, bool))
@@ -124,8 +126,10 @@ def test_derivatives_through_a_catch_are_those_of_neighbours():
 
     def end(change: np.ndarray) -> np.ndarray:
         dq, dv, dq_K, dv_K, acc_K = np.split(change, 5)
-        moved = x.replace(q_D=x.q_D + dq, v_D=x.v_D + dv, q_K=x.q_K + dq_K, v_K=x.v_K + dv_K)
-        y = arm.stepper(moved, "event").advance(0.15, acc_K)
+        changed_state = x.replace(
+            q_D=x.q_D + dq, v_D=x.v_D + dv, q_K=x.q_K + dq_K, v_K=x.v_K + dv_K
+        )
+        y = arm.stepper(changed_state, "event").advance(0.15, acc_K)
         return np.concatenate([y.q_D, y.v_D, y.q_K, y.v_K])
 
     eps = 1e-6
@@ -139,4 +143,4 @@ def test_derivatives_through_a_catch_are_those_of_neighbours():
 
 def test_a_negative_window_is_refused():
     with pytest.raises(ValueError, match="window is -1"):
-        dropped(0.17, 4).feedback(window=-1)
+        drop_plan(0.17, 4).feedback(window=-1)

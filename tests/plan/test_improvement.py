@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.plan.seeds import first_plan, near, polished
+from tests.plan.seeds import first_plan, is_polished, polish_plan
 
 import fantoccini as fan
 from fantoccini.control.planning import EST2007, PolishStatus, Search, SearchOptions, solve
@@ -39,7 +39,7 @@ def test_plans_become_shorter(problem):
     search.find_better(60.0, iterations=4000)
     times = [t for _, _, t in search.curve]
     assert times[0] == first and np.all(np.diff(times) < 0) and len(times) > 1
-    result = fan.control.PlanResult.of(search)
+    result = fan.control.PlanResult.from_search(search)
     assert result and result.duration == times[-1] and result.replay()
     seconds = [s for s, _, _ in result.curve]
     assert np.all(np.diff(seconds) >= 0.0) and seconds[-1] <= result.seconds
@@ -56,12 +56,14 @@ def test_what_a_plan_costs(problem):
         effort = np.sum(durations * np.sum(tree.acceleration[path] ** 2, axis=1))
         assert tree.time[node] == pytest.approx(durations.sum())
         assert tree.cost[node] == pytest.approx(durations.sum() + effort)
-    gentle = Search(problem, SearchOptions(seed=3))
-    gentle.find_first(60.0)
-    assert gentle.objective == OBJECTIVES["gentle"] and len(gentle.tree) == len(tree)
+    gentle_search = Search(problem, SearchOptions(seed=3))
+    gentle_search.find_first(60.0)
+    assert gentle_search.objective == OBJECTIVES["gentle"] and len(gentle_search.tree) == len(tree)
     for node in range(0, len(tree), 97):
-        catches = gentle.tree.catches[tree.path(node)].sum()
-        assert gentle.tree.cost[node] == pytest.approx(gentle.tree.time[node] + 3.0 * catches)
+        catches = gentle_search.tree.catches[tree.path(node)].sum()
+        assert gentle_search.tree.cost[node] == pytest.approx(
+            gentle_search.tree.time[node] + 3.0 * catches
+        )
 
 
 def test_better_plans_cost_less(problem):
@@ -85,15 +87,15 @@ def test_better_plans_cost_less(problem):
 
 def test_a_user_defined_objective(problem, tmp_path):
     """Catches and accelerations count with their weights, in saved plans too."""
-    own = Objective(catch=0.5, acceleration=0.25)
-    result = solve(problem, seed=3, objective=own).grow(60.0, iterations=1000)
+    objective = Objective(catch=0.5, acceleration=0.25)
+    result = solve(problem, seed=3, objective=objective).grow(60.0, iterations=1000)
     path = list(result.path[1:])
     effort = problem.rollouts.options.interval * _effort(result.tree, result.path[-1])
     catches = result.tree.catches[path].sum()
     assert result.cost == pytest.approx(result.duration + 0.5 * catches + 0.25 * effort)
     result.save(tmp_path / "plan.npz")
     loaded = fan.control.PlanResult.load(tmp_path / "plan.npz", problem)
-    assert loaded.search.objective == own and loaded.cost == result.cost
+    assert loaded.search.objective == objective and loaded.cost == result.cost
     for wrong in (-1.0, np.inf, np.nan):
         with pytest.raises(ValueError, match="acceleration"):
             Objective(acceleration=wrong)
@@ -112,14 +114,14 @@ def test_saving_effort_does_not_shorten_the_plan(problem):
         search = Search(problem, SearchOptions(seed=seed))
         search.find_first(60.0)
         search.find_better(60.0, iterations=3000)
-        result = fan.control.PlanResult.of(search)
+        result = fan.control.PlanResult.from_search(search)
         shorter.append(result.polish(1e-3, seconds=20.0).duration / result.duration)
     assert min(shorter) < 0.9
 
 
 def test_a_search_continues_from_a_polished_plan(problem):
     """Its next plan does not cost more than the polished one."""
-    search = first_plan(problem, near, lambda plan: plan.polish(1e-3, 10.0)).search
+    search = first_plan(problem, is_polished, lambda plan: plan.polish(1e-3, 10.0)).search
     cost = float(search.tree.cost[search.best])
     search.find_better(60.0, iterations=2000)
     assert float(search.tree.cost[search.best]) <= cost
@@ -131,14 +133,14 @@ def test_ctrl_c_keeps_the_polished_plan(problem, monkeypatch):
 
     approach, calls = polish.approach, []
 
-    def interrupted(*arguments):
+    def approach_then_stop(*arguments):
         calls.append(result := approach(*arguments))
         if sum(call.arrives for call in calls[:-1]):
             raise KeyboardInterrupt
         return result
 
-    monkeypatch.setattr(polish, "approach", interrupted)
-    polished_plan = first_plan(problem, near, lambda plan: plan.polish(1e-3, seconds=20.0))
+    monkeypatch.setattr(polish, "approach", approach_then_stop)
+    polished_plan = first_plan(problem, is_polished, lambda plan: plan.polish(1e-3, seconds=20.0))
     assert polished_plan.distance <= 1e-3 and polished_plan.replay()
 
 
@@ -146,11 +148,13 @@ def test_puppets_without_constraints_are_polished():
     """A puppet without limits and obstacles whose string may go slack; and a one-segment plan."""
     arm = fan.puppets.arm2d()
     start = arm.rest({"hand.x": 0.3, "hand.length": 1.2})
-    result = first_plan(Problem(arm, start, {"elbow": start.q_D[1] + 0.3}), near, polished)
+    result = first_plan(
+        Problem(arm, start, {"elbow": start.q_D[1] + 0.3}), is_polished, polish_plan
+    )
     assert result.distance <= 1e-3
-    close = fan.control.Goal.pose(ARM, {"elbow": float(START.q_D[4]) + 0.03}, speed_weight=0.0)
-    other_problem = Problem(ARM, START, close, tolerance=0.025)
-    result = first_plan(other_problem, near, lambda plan: plan.polish(1e-4, seconds=0.0))
+    close_goal = fan.control.Goal.pose(ARM, {"elbow": float(START.q_D[4]) + 0.03}, speed_weight=0.0)
+    other_problem = Problem(ARM, START, close_goal, tolerance=0.025)
+    result = first_plan(other_problem, is_polished, lambda plan: plan.polish(1e-4, seconds=0.0))
     assert result.distance <= 1e-4
 
 
@@ -165,7 +169,7 @@ def test_seconds_make_sense(problem):
 
 def test_iterations_determine_the_result(problem):
     """The result is the same for any number of threads, if no time limit ends the search."""
-    result = []
+    searches = []
     for threads in (1, 2):
         other_problem = Problem(
             ARM,
@@ -180,13 +184,13 @@ def test_iterations_determine_the_result(problem):
         search = Search(other_problem, SearchOptions(seed=5))
         search.find_first(60.0)
         search.find_better(60.0, iterations=1500)
-        result.append(search)
-    a, b = (fan.control.PlanResult.of(s) for s in result)
+        searches.append(search)
+    a, b = (fan.control.PlanResult.from_search(s) for s in searches)
     assert a.path == b.path and np.array_equal(a.tree.q_D, b.tree.q_D)
 
 
 def test_a_polished_plan_ends_at_the_goal(problem):
-    result = first_plan(problem, near, polished)
+    result = first_plan(problem, is_polished, polish_plan)
     assert result.distance <= 1e-3 and result.polished.status is PolishStatus.POLISHED
     assert result.replay() and result.clearance.min() > 0.0
     assert result.trajectory.tension["hand"].min() >= 0.0
@@ -207,13 +211,13 @@ def test_inputs_end_at_rest_on_request():
         bounds=fan.control.Bounds(clearance=0.005),
         slack=False,
     )
-    assert other_problem.equilibrium
-    result = first_plan(other_problem, near, polished)
+    assert other_problem.rests_at_goal
+    result = first_plan(other_problem, is_polished, polish_plan)
     assert result.distance <= 1e-3
     assert np.linalg.norm(result.trajectory.v_K[-1]) <= 2e-3
     end = result.trajectory.state(-1)
-    held = ARM.rest(end.replace(v_D=np.zeros(4), v_K=np.zeros(3)))
-    assert abs(held.q_D[4] - RAISED["elbow"]) < 0.1, "it hangs at rest near its final pose"
+    at_rest = ARM.rest(end.replace(v_D=np.zeros(4), v_K=np.zeros(3)))
+    assert abs(at_rest.q_D[4] - RAISED["elbow"]) < 0.1, "it hangs at rest near its final pose"
 
 
 def test_a_plan_is_improved_and_polished_at_once(problem):
@@ -231,10 +235,10 @@ def test_a_plan_found_at_the_time_limit_says_that_it_is_not_polished(problem, mo
     search = Search(problem, SearchOptions(seed=3))
     search.find_first(60.0)
 
-    def better(seconds):
+    def find_better(seconds):
         search.polished = None
 
-    monkeypatch.setattr(search, "find_better", better)
+    monkeypatch.setattr(search, "find_better", find_better)
     monkeypatch.setattr(search, "polish", lambda *_: False)
     search.improve(0.01, 1e-3)
     assert search.polished.status is PolishStatus.TIMEOUT and search.polished.required == 1e-3
@@ -245,8 +249,8 @@ def test_a_search_is_continued(problem):
     if not first_result:
         first_result = first_result.grow(seconds=60.0)
     assert first_result
-    longer = first_result.duration
-    assert first_result.grow(seconds=60.0, iterations=3000).duration < longer
+    first_duration = first_result.duration
+    assert first_result.grow(seconds=60.0, iterations=3000).duration < first_duration
 
 
 def test_the_papers_planner_grows_too():
@@ -263,9 +267,9 @@ def test_the_papers_planner_grows_too():
 def test_plans_that_cannot_be_polished_are_reported(problem):
     with pytest.raises(ValueError, match="no plan to polish"):
         solve(problem, seed=0, planner=EST2007(), iterations=1).polish()
-    function = Problem(ARM, START, lambda rows: np.maximum(0.3 - rows.q_K[..., 1], 0.0))
+    function_goal = Problem(ARM, START, lambda rows: np.maximum(0.3 - rows.q_K[..., 1], 0.0))
     with pytest.raises(ValueError, match="is a function"):
-        solve(function, seed=0).polish()
+        solve(function_goal, seed=0).polish()
     for invalid_tolerance in (0.0, np.nan):
         with pytest.raises(ValueError, match="greater than 0"):
             solve(problem, seed=0).polish(invalid_tolerance)

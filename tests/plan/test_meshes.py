@@ -26,10 +26,12 @@ THICKNESS = 0.1
 """Thickness of the legs of the L. They lie along x and z, and are 0.4 long and 0.2 wide along y."""
 
 
-def prism(outline: list[tuple[float, float]], triangles: list[tuple[int, ...]]) -> trimesh.Trimesh:
+def prism_mesh(
+    outline: list[tuple[float, float]], triangles: list[tuple[int, ...]]
+) -> trimesh.Trimesh:
     """Prism from y = -0.1 to 0.1; its outline in x and z is counter-clockwise from y = -0.1."""
-    n, flat = len(outline), np.array(outline)
-    front = np.column_stack([flat[:, 0], np.full(n, -0.1), flat[:, 1]])
+    n, corners_2d = len(outline), np.array(outline)
+    front = np.column_stack([corners_2d[:, 0], np.full(n, -0.1), corners_2d[:, 1]])
     corners = np.vstack([front, front + np.array([0.0, 0.2, 0.0])])
     faces = [*triangles, *((c + n, b + n, a + n) for a, b, c in triangles)]
     for i in range(n):
@@ -48,7 +50,7 @@ def l_mesh() -> trimesh.Trimesh:
         (THICKNESS, 0.4),
         (0, 0.4),
     ]
-    return prism(outline, [(0, 1, 2), (0, 2, 3), (0, 3, 4), (0, 4, 5)])
+    return prism_mesh(outline, [(0, 1, 2), (0, 2, 3), (0, 3, 4), (0, 4, 5)])
 
 
 @pytest.fixture(scope="module")
@@ -87,15 +89,17 @@ def in_mesh_folder(folder, monkeypatch):
     monkeypatch.chdir(folder)
 
 
-def free_bodies(*shapes: dict) -> fan.Marionette:
+def bodies_with_shapes(*shapes: dict) -> fan.Marionette:
     """A free body for every shape; shapes are not compiled, so that one library suffices."""
-    bodies = [body | {"shapes": [s]} for body, s in zip(free(len(shapes)), shapes, strict=True)]
+    bodies = [
+        body | {"shapes": [s]} for body, s in zip(unshaped_bodies(len(shapes)), shapes, strict=True)
+    ]
     puppet = fan.loads(str({"puppet": "flying", "bodies": bodies}))
-    puppet.__dict__["clearances"] = clearances(len(shapes))
+    puppet.__dict__["clearances"] = shared_clearances(len(shapes))
     return puppet
 
 
-def free(n: int) -> list[dict]:
+def unshaped_bodies(n: int) -> list[dict]:
     """Bodies without a support."""
     inertia = {"mass": 1.0, "inertia": [1, 1, 1, 0, 0, 0]}
     return [
@@ -105,17 +109,17 @@ def free(n: int) -> list[dict]:
 
 
 @cache
-def clearances(n: int) -> ClearanceLibrary:
-    return fan.loads(str({"puppet": "flying", "bodies": free(n)})).libraries.clearances
+def shared_clearances(n: int) -> ClearanceLibrary:
+    return fan.loads(str({"puppet": "flying", "bodies": unshaped_bodies(n)})).libraries.clearances
 
 
-def mesh(file: str, **more) -> dict:
-    return {"type": "mesh", "file": f"{file}.obj", **more}
+def mesh_shape(file: str, **options) -> dict:
+    return {"type": "mesh", "file": f"{file}.obj", **options}
 
 
 def state_with_poses(puppet: fan.Marionette, *poses: tuple[np.ndarray, Rotation]) -> fan.State:
     """A state in which each body has a given position and orientation."""
-    numbers = [[*place, *np.roll(turn.as_quat(), 1)] for place, turn in poses]
+    numbers = [[*translation, *np.roll(rotation.as_quat(), 1)] for translation, rotation in poses]
     return puppet.state().replace(q_D=np.ravel(numbers))
 
 
@@ -127,33 +131,37 @@ def distances(puppet: fan.Marionette, obstacle: dict, places: np.ndarray) -> np.
 
 @pytest.fixture(scope="module")
 def bead():
-    return free_bodies({"type": "sphere", "radius": 1e-3})
+    return bodies_with_shapes({"type": "sphere", "radius": 1e-3})
 
 
 @pytest.mark.parametrize("name", ["box", "fine", "halves"])
 @pytest.mark.parametrize("kind", ["capsule", "box", "ellipsoid", "half_space", "mesh"])
 def test_a_mesh_of_a_box_is_the_box(folder, name, kind):
     rng = np.random.default_rng(3)
-    puppet, same = free_bodies(mesh(name)), free_bodies({"type": "box", "size": [0.2, 0.3, 0.4]})
-    other = {
+    puppet = bodies_with_shapes(mesh_shape(name))
+    box_puppet = bodies_with_shapes({"type": "box", "size": [0.2, 0.3, 0.4]})
+    obstacle = {
         "capsule": {"from": [-0.1, 0.02, 0.0], "to": [0.1, 0.05, 0.07], "radius": 0.02},
         "box": {"size": [0.1, 0.2, 0.3], "orientation": {"rpy": [0.4, 0.2, -0.5]}},
         "ellipsoid": {"radii": [0.1, 0.02, 0.05], "orientation": {"rpy": [0.4, 0.2, -0.5]}},
         "half_space": {"at": [0.0, 0.0, -0.1], "normal": [0.3, -0.2, 0.9]},
         "mesh": {"file": "box.obj"},
     }[kind] | {"type": kind, "name": "it"}
-    twin = {"type": "box", "size": [0.2, 0.3, 0.4], "name": "it"} if kind == "mesh" else other
-    clear, box_distance = Clearance(puppet, [other]), Clearance(same, [twin])
-    apart = 0
+    box_obstacle = (
+        {"type": "box", "size": [0.2, 0.3, 0.4], "name": "it"} if kind == "mesh" else obstacle
+    )
+    mesh_clearance = Clearance(puppet, [obstacle])
+    box_clearance = Clearance(box_puppet, [box_obstacle])
+    n_apart = 0
     for _ in range(25):
-        turn, place = Rotation.random(random_state=rng), rng.normal(0, 0.25, 3)
-        distance = float(clear.of(state_with_poses(puppet, (place, turn))))
-        expected = float(box_distance.of(state_with_poses(same, (place, turn))))
+        rotation, translation = Rotation.random(random_state=rng), rng.normal(0, 0.25, 3)
+        distance = float(mesh_clearance.of(state_with_poses(puppet, (translation, rotation))))
+        expected = float(box_clearance.of(state_with_poses(box_puppet, (translation, rotation))))
         if expected > 0.0 or kind == "half_space":
             assert distance == pytest.approx(expected, abs=1e-7)
         assert (distance > 0.0) == (expected > 0.0)
-        apart += expected > 0.0
-    assert 3 < apart < 24
+        n_apart += expected > 0.0
+    assert 3 < n_apart < 24
 
 
 @pytest.mark.parametrize(
@@ -168,22 +176,24 @@ def test_a_mesh_of_a_box_is_the_box(folder, name, kind):
 )
 def test_a_moving_tetrahedron_has_the_distance_of_geometry(at, gap):
     rng = np.random.default_rng(4)
-    puppet = free_bodies(mesh("corner", at=[0.1, -0.2, 0.3]))
+    puppet = bodies_with_shapes(mesh_shape("corner", at=[0.1, -0.2, 0.3]))
     for _ in range(5):
-        turn, place = Rotation.random(random_state=rng), rng.normal(size=3)
-        centre = turn.apply(np.add(at, [0.1, -0.2, 0.3])) + place
+        rotation, translation = Rotation.random(random_state=rng), rng.normal(size=3)
+        centre = rotation.apply(np.add(at, [0.1, -0.2, 0.3])) + translation
         ball = {"type": "sphere", "name": "ball", "radius": 0.05, "at": centre.tolist()}
         clear = Clearance(puppet, [ball])
-        near = clear.nearest(state_with_poses(puppet, (place, turn)))
-        assert near.distance == pytest.approx(gap - 0.05, abs=1e-9)
-        assert (near.what, near.other) == ("body0", "ball")
+        nearest = clear.nearest(state_with_poses(puppet, (translation, rotation)))
+        assert nearest.distance == pytest.approx(gap - 0.05, abs=1e-9)
+        assert (nearest.what, nearest.other) == ("body0", "ball")
 
 
 def test_a_notch_is_free():
     """The rod is inside the box around the L; its axis is 0.1 away from the legs."""
-    rod = free_bodies({"type": "capsule", "from": [0, -0.3, 0], "to": [0, 0.3, 0], "radius": 0.02})
+    rod = bodies_with_shapes(
+        {"type": "capsule", "from": [0, -0.3, 0], "to": [0, 0.3, 0], "radius": 0.02}
+    )
     x = state_with_poses(rod, (np.array([0.2, 0.0, 0.2]), Rotation.identity()))
-    ell = mesh("ell", name="ell")
+    ell = mesh_shape("ell", name="ell")
     assert float(Clearance(rod, [ell]).of(x)) == pytest.approx(0.1 - 0.02, abs=1e-9)
     surrounding_box = {"type": "box", "size": [0.4, 0.2, 0.4], "at": [0.2, 0, 0.2], "name": "about"}
     assert float(Clearance(rod, [surrounding_box]).of(x)) < 0.0
@@ -191,72 +201,84 @@ def test_a_notch_is_free():
         rod, (np.array([0.2, 0.0, 0.2]), Rotation.from_euler("x", 50, degrees=True))
     )
     assert float(Clearance(rod, [ell]).of(tilted)) < 0.0
-    half = mesh("ell", name="ell", scale=0.5, at=[0.1, 0.0, 0.1])
-    assert float(Clearance(rod, [half]).of(x)) == pytest.approx(0.05 - 0.02, abs=1e-9)
+    half_size = mesh_shape("ell", name="ell", scale=0.5, at=[0.1, 0.0, 0.1])
+    assert float(Clearance(rod, [half_size]).of(x)) == pytest.approx(0.05 - 0.02, abs=1e-9)
 
 
 def test_points_inside_overlap_even_if_aligned_with_edges(bead):
     """A grid of beads, many of them vertically above and below corners and edges of the L."""
-    line = np.arange(-2, 11) * 0.05
-    places = np.stack(np.meshgrid(line, line[:7] - 0.05, line), -1).reshape(-1, 3)
+    grid = np.arange(-2, 11) * 0.05
+    places = np.stack(np.meshgrid(grid, grid[:7] - 0.05, grid), -1).reshape(-1, 3)
 
-    def outside(p, low, high):
+    def distance_outside(p, low, high):
         return np.linalg.norm(np.maximum(np.maximum(low - p, p - high), 0.0), axis=1)
 
     legs = ([0, -0.1, 0], [0.4, 0.1, THICKNESS]), ([0, -0.1, 0], [THICKNESS, 0.1, 0.4])
-    gap = np.min([outside(places, *(np.array(c) for c in leg)) for leg in legs], axis=0)
-    skin = gap < 1e-12
-    distance = distances(bead, mesh("ell"), places)
-    assert np.all(distance[skin] < 0.0) and np.count_nonzero(skin) > 100
-    np.testing.assert_allclose(distance[~skin], gap[~skin] - 1e-3, atol=1e-9)
+    gap = np.min([distance_outside(places, *(np.array(c) for c in leg)) for leg in legs], axis=0)
+    is_inside = gap < 1e-12
+    distance = distances(bead, mesh_shape("ell"), places)
+    assert np.all(distance[is_inside] < 0.0) and np.count_nonzero(is_inside) > 100
+    np.testing.assert_allclose(distance[~is_inside], gap[~is_inside] - 1e-3, atol=1e-9)
 
 
 def test_hollows_are_free_and_open_meshes_have_no_inside(bead):
-    middle, wall = np.array([[0.0, 0.0, 0.01]]), np.array([[0.07, 0.0, 0.0]])
-    assert distances(bead, mesh("hollow"), middle)[0] == pytest.approx(0.05 - 1e-3, abs=1e-9)
-    assert distances(bead, mesh("hollow"), wall)[0] < 0.0
-    assert distances(bead, mesh("box"), middle)[0] < 0.0
-    assert distances(bead, mesh("halves", at=[0.03, 0, 0]), middle)[0] < 0.0
-    assert distances(bead, mesh("open"), middle)[0] == pytest.approx(0.1 - 1e-3, abs=1e-9)
-    distance = distances(bead, mesh("sheet"), np.zeros((1, 3)))[0]
+    in_hollow, in_wall = np.array([[0.0, 0.0, 0.01]]), np.array([[0.07, 0.0, 0.0]])
+    assert distances(bead, mesh_shape("hollow"), in_hollow)[0] == pytest.approx(
+        0.05 - 1e-3, abs=1e-9
+    )
+    assert distances(bead, mesh_shape("hollow"), in_wall)[0] < 0.0
+    assert distances(bead, mesh_shape("box"), in_hollow)[0] < 0.0
+    assert distances(bead, mesh_shape("halves", at=[0.03, 0, 0]), in_hollow)[0] < 0.0
+    assert distances(bead, mesh_shape("open"), in_hollow)[0] == pytest.approx(0.1 - 1e-3, abs=1e-9)
+    distance = distances(bead, mesh_shape("sheet"), np.zeros((1, 3)))[0]
     assert distance == pytest.approx(0.3 / np.sqrt(3) - 1e-3, abs=1e-9)
 
 
 def test_solids_within_one_another_overlap_either_way():
     large = {"type": "box", "size": [1, 1, 1]}
-    for moving, still in (
-        (mesh("small"), mesh("halves", scale=2.0, at=[0.1, 0, 0])),
-        (mesh("halves", scale=2.0, at=[0.1, 0, 0]), mesh("small")),
-        (mesh("ell", scale=0.1, at=[0.1, 0, 0]), mesh("halves")),
-        ({"type": "box", "size": [0.01, 0.01, 0.01], "at": [0.05, 0, 0.05]}, mesh("ell")),
-        (mesh("pair", at=[0.05, 0, 0.05]), mesh("ell")),
-        (mesh("pair", at=[-0.95, 0, 0.05]), mesh("ell")),
-        (mesh("ell"), large),
-        (large, mesh("open")),
+    for moving, obstacle in (
+        (mesh_shape("small"), mesh_shape("halves", scale=2.0, at=[0.1, 0, 0])),
+        (mesh_shape("halves", scale=2.0, at=[0.1, 0, 0]), mesh_shape("small")),
+        (mesh_shape("ell", scale=0.1, at=[0.1, 0, 0]), mesh_shape("halves")),
+        ({"type": "box", "size": [0.01, 0.01, 0.01], "at": [0.05, 0, 0.05]}, mesh_shape("ell")),
+        (mesh_shape("pair", at=[0.05, 0, 0.05]), mesh_shape("ell")),
+        (mesh_shape("pair", at=[-0.95, 0, 0.05]), mesh_shape("ell")),
+        (mesh_shape("ell"), large),
+        (large, mesh_shape("open")),
     ):
-        puppet = free_bodies(moving)
-        assert float(Clearance(puppet, [still | {"name": "it"}]).of(puppet.state())) < 0.0
+        puppet = bodies_with_shapes(moving)
+        assert float(Clearance(puppet, [obstacle | {"name": "it"}]).of(puppet.state())) < 0.0
 
 
 def test_meshes_of_one_puppet_keep_clear_of_one_another():
     """Two Ls; one is turned by half a turn, so that a leg of each is in the notch of the other."""
-    puppet = free_bodies(mesh("ell"), mesh("ell"))
-    own = Clearance(puppet, self_collision=True)
-    zeros, turn = (np.zeros(3), Rotation.identity()), Rotation.from_euler("y", 180, degrees=True)
-    near = own.nearest(state_with_poses(puppet, zeros, (np.array([0.53, 0.0, 0.54]), turn)))
-    assert near.distance == pytest.approx(np.hypot(0.03, 0.04), abs=1e-9)
-    assert {near.what, near.other} == {"body0", "body1"}
-    assert float(own.of(state_with_poses(puppet, zeros, (np.array([0.45, 0.0, 0.45]), turn)))) < 0.0
+    puppet = bodies_with_shapes(mesh_shape("ell"), mesh_shape("ell"))
+    self_clearance = Clearance(puppet, self_collision=True)
+    at_origin = (np.zeros(3), Rotation.identity())
+    half_turn = Rotation.from_euler("y", 180, degrees=True)
+    nearest = self_clearance.nearest(
+        state_with_poses(puppet, at_origin, (np.array([0.53, 0.0, 0.54]), half_turn))
+    )
+    assert nearest.distance == pytest.approx(np.hypot(0.03, 0.04), abs=1e-9)
+    assert {nearest.what, nearest.other} == {"body0", "body1"}
+    assert (
+        float(
+            self_clearance.of(
+                state_with_poses(puppet, at_origin, (np.array([0.45, 0.0, 0.45]), half_turn))
+            )
+        )
+        < 0.0
+    )
 
 
 def test_threads_and_neighbours_do_not_matter():
-    puppet = free_bodies({"type": "box", "size": [0.1, 0.1, 0.1]})
+    puppet = bodies_with_shapes({"type": "box", "size": [0.1, 0.1, 0.1]})
     rng = np.random.default_rng(7)
     n = 8200
     q_D = np.zeros((n, 7))
     q_D[:, :3] = rng.normal([0.2, 0.0, 0.2], 0.3, (n, 3))
     q_D[:, 3:] = Rotation.random(n, random_state=rng).as_quat()[:, [3, 0, 1, 2]]
-    clear, zeros = Clearance(puppet, [mesh("ell", name="ell")]), np.zeros((n, 0))
+    clear, zeros = Clearance(puppet, [mesh_shape("ell", name="ell")]), np.zeros((n, 0))
     distance = clear.at(q_D, zeros)
     assert np.array_equal(distance, clear.at(q_D, zeros, threads=2))
     assert np.array_equal(distance[5:40:7], [clear.at(q_D[k], zeros[k]) for k in range(5, 40, 7)])
@@ -265,9 +287,9 @@ def test_threads_and_neighbours_do_not_matter():
 ARM = fan.puppets.arm3d()
 HANGING = ARM.rest({"hand.x": 0.3, "hand.length": 1.32, "elbow": 0.1})
 RAISED = {"shoulder.rotation": [0, -np.radians(80), 0], "elbow": np.radians(80)}
-SHELF = mesh("ell", name="shelf", scale=[-1.25, 1.0, 1.25], at=[0.6, 0.0, -0.75])
+SHELF = mesh_shape("ell", name="shelf", scale=[-1.25, 1.0, 1.25], at=[0.6, 0.0, -0.75])
 """An L beside the hand, with a leg upright in front of the arm; the string is in its notch."""
-LEGS = [
+LEG_BOXES = [
     {"name": "low", "type": "box", "size": [0.5, 0.2, 0.125], "at": [0.35, 0.0, -0.6875]},
     {"name": "up", "type": "box", "size": [0.125, 0.2, 0.5], "at": [0.5375, 0.0, -0.5]},
 ]
@@ -280,13 +302,13 @@ def test_slack_strings_keep_clear_of_meshes_as_of_boxes():
     q_D, q_K = np.tile(HANGING.q_D, (150, 1)), np.column_stack([*[lengths] * 3])
     q_K[:, 0], q_K[:, 1] = rng.uniform(-0.2, 0.9, 150), rng.uniform(-0.2, 0.2, 150)
     distance = Clearance(ARM, [SHELF]).at(q_D, q_K)
-    box_distance = Clearance(ARM, LEGS).at(q_D, q_K)
-    apart = box_distance > 0.0
-    assert 30 < np.count_nonzero(apart) < 120
-    np.testing.assert_allclose(distance[apart], box_distance[apart], atol=1e-9)
-    assert np.all(distance[~apart] < 0.0)
-    near = Clearance(ARM, [SHELF]).nearest(HANGING.replace(q_K=[0.3, 0.0, 1.9]))
-    assert (near.what, near.other) == ("string hand", "shelf")
+    box_distance = Clearance(ARM, LEG_BOXES).at(q_D, q_K)
+    is_clear = box_distance > 0.0
+    assert 30 < np.count_nonzero(is_clear) < 120
+    np.testing.assert_allclose(distance[is_clear], box_distance[is_clear], atol=1e-9)
+    assert np.all(distance[~is_clear] < 0.0)
+    nearest = Clearance(ARM, [SHELF]).nearest(HANGING.replace(q_K=[0.3, 0.0, 1.9]))
+    assert (nearest.what, nearest.other) == ("string hand", "shelf")
 
 
 def test_a_plan_goes_through_a_notch():
@@ -296,8 +318,8 @@ def test_a_plan_goes_through_a_notch():
         "size": [0.5, 0.2, 0.5],
         "at": [0.35, 0.0, -0.5],
     }
-    refused = fan.control.Problem(ARM, HANGING, RAISED, [surrounding_box])
-    assert "string hand meets about" in refused.reason
+    blocked = fan.control.Problem(ARM, HANGING, RAISED, [surrounding_box])
+    assert "string hand meets about" in blocked.reason
     plan = fan.plan(
         ARM,
         HANGING,
@@ -316,10 +338,14 @@ def test_a_plan_goes_through_a_notch():
     assert np.min(fan.dynamics.Clearance(ARM, [surrounding_box]).of(plan.trajectory)) < -1e-3
     assert plan.replay()
     np.testing.assert_allclose(
-        clear.of(plan.trajectory), fan.dynamics.Clearance(ARM, LEGS).of(plan.trajectory), atol=1e-9
+        clear.of(plan.trajectory),
+        fan.dynamics.Clearance(ARM, LEG_BOXES).of(plan.trajectory),
+        atol=1e-9,
     )
-    other = fan.control.Problem(ARM, HANGING, RAISED, [SHELF | {"scale": [-1.25, 1.01, 1.25]}])
-    assert other.fingerprint != fan.control.Problem(ARM, HANGING, RAISED, [SHELF]).fingerprint
+    other_scale = fan.control.Problem(
+        ARM, HANGING, RAISED, [SHELF | {"scale": [-1.25, 1.01, 1.25]}]
+    )
+    assert other_scale.fingerprint != fan.control.Problem(ARM, HANGING, RAISED, [SHELF]).fingerprint
 
 
 @pytest.mark.parametrize("threads", [1, 2])
@@ -329,10 +355,10 @@ def test_errors_during_measurements_of_meshes_are_raised(monkeypatch, threads):
     )
     for error in (RuntimeError("no distance"), KeyboardInterrupt()):
 
-        def fails(*solids, error=error):
+        def raise_error(*solids, error=error):
             raise error
 
-        monkeypatch.setattr("coal.distance", fails)
+        monkeypatch.setattr("coal.distance", raise_error)
         with pytest.raises(type(error)):
             problem.rollouts.clearance.of(HANGING)
         with pytest.raises(type(error)):
@@ -348,19 +374,19 @@ def test_an_interrupt_is_not_lost_while_meshes_are_measured():
     def stop(number, frame):
         raise Stopped
 
-    clear, many = Clearance(ARM, [SHELF]), 40_000
-    before = signal.signal(signal.SIGINT, stop)
-    later = threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT))
+    clear, n_states = Clearance(ARM, [SHELF]), 40_000
+    previous_handler = signal.signal(signal.SIGINT, stop)
+    timer = threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT))
     try:
-        later.start()
-        began = time.perf_counter()
+        timer.start()
+        start_time = time.perf_counter()
         with pytest.raises(Stopped):
-            clear.at(np.tile(HANGING.q_D, (many, 1)), HANGING.q_K)
-        assert time.perf_counter() - began < 2.0
+            clear.at(np.tile(HANGING.q_D, (n_states, 1)), HANGING.q_K)
+        assert time.perf_counter() - start_time < 2.0
         assert signal.getsignal(signal.SIGINT) is stop
     finally:
-        later.join()
-        signal.signal(signal.SIGINT, before)
+        timer.join()
+        signal.signal(signal.SIGINT, previous_handler)
 
 
 def test_coal_is_loaded_only_if_there_is_a_mesh():

@@ -25,8 +25,10 @@ def test_a_saved_plan_is_complete_and_continues(boxes, tmp_path):
     for name, a in plan.tree.arrays.items():
         assert np.array_equal(a, loaded.tree.arrays[name])
     assert np.array_equal(plan.inputs.coef, loaded.inputs.coef)
-    longer, same = (p.grow(seconds=60.0, iterations=800) for p in (plan, loaded))
-    assert longer.path == same.path and np.array_equal(longer.tree.q_D, same.tree.q_D)
+    grown, loaded_and_grown = (p.grow(seconds=60.0, iterations=800) for p in (plan, loaded))
+    assert grown.path == loaded_and_grown.path and np.array_equal(
+        grown.tree.q_D, loaded_and_grown.tree.q_D
+    )
     assert not list(tmp_path.glob(".*")), "a half-written file is left"
 
 
@@ -54,8 +56,8 @@ def test_files_without_a_plan_are_refused(boxes, tmp_path):
         fan.control.PlanResult.load(path, other)
     with pytest.raises(FileError, match="another problem"):
         fan.control.PlanResult.load(path, fan.control.load_problem("arm3d_boxes", tolerance=0.2))
-    raw = path.read_bytes()
-    path.write_bytes(raw[: len(raw) // 2])
+    content = path.read_bytes()
+    path.write_bytes(content[: len(content) // 2])
     with pytest.raises(FileError, match=NO_PLAN):
         fan.control.PlanResult.load(path, boxes)
 

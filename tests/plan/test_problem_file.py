@@ -15,7 +15,7 @@ from fantoccini.base.errors import FileError
 from fantoccini.control import tasks
 from fantoccini.control.tasks import problem_names, problem_schema
 
-GOOD = """\
+PROBLEM_YAML = """\
 problem: lift
 puppet: arm3d
 start: {hand.x: 0.3, hand.length: 1.3}
@@ -29,7 +29,7 @@ obstacles:
 """
 
 
-def written(tmp_path, text: str):
+def write_problem(tmp_path, text: str):
     path = tmp_path / "problem.yaml"
     path.write_text(text, encoding="utf-8")
     return path
@@ -45,7 +45,7 @@ def test_bundled_problems_have_their_stated_content():
 
 
 def test_a_file_equals_a_gesture_in_python(tmp_path):
-    read = fan.control.load_problem(written(tmp_path, GOOD))
+    file_problem = fan.control.load_problem(write_problem(tmp_path, PROBLEM_YAML))
     arm = fan.puppets.arm3d()
     problem = fan.control.Problem(
         arm,
@@ -54,14 +54,14 @@ def test_a_file_equals_a_gesture_in_python(tmp_path):
         [{"name": "stone", "type": "sphere", "radius": 0.05, "at": [0.4, 0, -0.5]}],
         bounds=fan.control.Bounds(position={"hand.x": (-1.0, 1.0)}),
     )
-    a, b = fan.control.solve(read, seed=3), fan.control.solve(problem, seed=3)
+    a, b = fan.control.solve(file_problem, seed=3), fan.control.solve(problem, seed=3)
     assert a and a.path == b.path and np.array_equal(a.tree.q_D, b.tree.q_D)
 
 
 def test_a_file_chooses_segments_and_an_objective(tmp_path):
     """Accelerations hold for a whole number of segments, and count in the cost of plans."""
-    text = GOOD + "segment: 0.06\nobjective: acceleration\n"
-    problem = fan.control.load_problem(written(tmp_path, text))
+    text = PROBLEM_YAML + "segment: 0.06\nobjective: acceleration\n"
+    problem = fan.control.load_problem(write_problem(tmp_path, text))
     assert problem.rollouts.options.n_checks == 3 and problem.objective.acceleration > 0.0
     plan = fan.control.solve(problem, seed=3)
     assert plan and plan.replay()
@@ -71,12 +71,12 @@ def test_a_file_chooses_segments_and_an_objective(tmp_path):
     assert fan.control.solve(problem, seed=3, objective="time").search.objective.acceleration == 0.0
     slow = fan.control.solve(problem, seed=3, planner="est-2007", iterations=400)
     assert set(slow.tree.n_checks[1:]) <= set(range(1, 16)) and np.max(slow.tree.n_checks) > 3
-    other = fan.control.load_problem(written(tmp_path, GOOD + "segment: 0.2\n"))
+    other = fan.control.load_problem(write_problem(tmp_path, PROBLEM_YAML + "segment: 0.2\n"))
     assert fan.control.solve(other, seed=3) and other.fingerprint != problem.fingerprint
 
 
 def test_a_reserve_remains_for_feedback(tmp_path):
-    problem = fan.control.load_problem(written(tmp_path, GOOD + "reserve: 0.25\n"))
+    problem = fan.control.load_problem(write_problem(tmp_path, PROBLEM_YAML + "reserve: 0.25\n"))
     assert np.array_equal(problem.bounds.speed, [0.5] * 3)
     assert np.array_equal(problem.bounds.acceleration, [2.0] * 3)
     assert np.array_equal(problem.rollouts.bounds.low, problem.bounds.low)
@@ -85,12 +85,15 @@ def test_a_reserve_remains_for_feedback(tmp_path):
     assert np.abs(plan.acceleration).max() <= 0.75 * 2.0 + 1e-12
     assert np.abs(plan.trajectory.v_K).max() <= 0.75 * 0.5 + 1e-12
     # Feedback has other bounds than the plan, unless the plan has all.
-    text = GOOD + "speed: 0.375\nacceleration: 1.5\n"
-    assert problem.fingerprint != fan.control.load_problem(written(tmp_path, text)).fingerprint
+    text = PROBLEM_YAML + "speed: 0.375\nacceleration: 1.5\n"
+    assert (
+        problem.fingerprint != fan.control.load_problem(write_problem(tmp_path, text)).fingerprint
+    )
     # Far from the plan, feedback uses its full bounds.
     law, x = plan.feedback(), problem.start
     accelerations = [
-        law.acceleration(0, x.replace(q_D=[*x.q_D[:-1], x.q_D[-1] + by])) for by in (-2.0, 2.0)
+        law.acceleration(0, x.replace(q_D=[*x.q_D[:-1], x.q_D[-1] + offset]))
+        for offset in (-2.0, 2.0)
     ]
     largest = np.abs(accelerations).max()
     assert 0.75 * 2.0 + 1e-3 < largest <= 2.0
@@ -98,7 +101,7 @@ def test_a_reserve_remains_for_feedback(tmp_path):
 
 @pytest.mark.parametrize("reserve", ["-0.1", "1", "1.5"])
 def test_a_reserve_is_part_of_the_bounds(tmp_path, reserve):
-    path = written(tmp_path, f"{GOOD}reserve: {reserve}\n")
+    path = write_problem(tmp_path, f"{PROBLEM_YAML}reserve: {reserve}\n")
     with pytest.raises(FileError, match=rf"problem.yaml:11:.*reserve is {float(reserve)!r}"):
         fan.control.load_problem(path)
 
@@ -106,13 +109,15 @@ def test_a_reserve_is_part_of_the_bounds(tmp_path, reserve):
 @pytest.mark.parametrize("segment", ["0.05", "0.01", "-0.1", ".inf", "soon", "1e6", "1e300"])
 def test_a_wrong_segment_is_reported_with_its_line(tmp_path, segment):
     with pytest.raises(FileError, match=r"problem\.yaml:11: segment"):
-        fan.control.load_problem(written(tmp_path, GOOD + f"segment: {segment}\n"))
+        fan.control.load_problem(write_problem(tmp_path, PROBLEM_YAML + f"segment: {segment}\n"))
 
 
 def test_a_puppet_may_be_in_the_folder_of_its_problem(tmp_path):
     text = fan.puppets.path("arm3d").read_text(encoding="utf-8")
     (tmp_path / "mine.yaml").write_text(text)
-    problem = fan.control.load_problem(written(tmp_path, GOOD.replace("arm3d", "mine.yaml")))
+    problem = fan.control.load_problem(
+        write_problem(tmp_path, PROBLEM_YAML.replace("arm3d", "mine.yaml"))
+    )
     file, line = problem.marionette.puppet.locate("lower")
     assert file.endswith("mine.yaml") and line is not None
 
@@ -158,17 +163,17 @@ def test_the_schema_accepts_bundled_problems_and_refuses_others(tmp_path):
     ],
 )
 def test_mistakes_have_places(tmp_path, change, line, message):
-    assert change[0] in GOOD
-    path = written(tmp_path, GOOD.replace(*change))
+    assert change[0] in PROBLEM_YAML
+    path = write_problem(tmp_path, PROBLEM_YAML.replace(*change))
     with pytest.raises(FileError, match=message) as caught:
         fan.control.load_problem(path)
     assert f"problem.yaml:{line}" in str(caught.value)
 
 
 def test_several_mistakes_are_reported_at_once(tmp_path):
-    text = GOOD.replace("hand.x: 0.3", "hand.z: 0.3").replace("elbow: 60", "elbo: 60")
+    text = PROBLEM_YAML.replace("hand.x: 0.3", "hand.z: 0.3").replace("elbow: 60", "elbo: 60")
     with pytest.raises(FileError) as caught:
-        fan.control.load_problem(written(tmp_path, text))
+        fan.control.load_problem(write_problem(tmp_path, text))
     assert len(caught.value.mistakes) >= 2
 
 

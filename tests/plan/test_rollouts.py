@@ -23,25 +23,25 @@ UNREACHABLE = {"elbow": 2.6}
 """A goal that no motion reaches."""
 
 
-def rows(*states: fan.State) -> StateArrays:
+def state_arrays(*states: fan.State) -> StateArrays:
     names = ("q_D", "v_D", "slip", "q_K", "v_K")
     return StateArrays(*(np.array([getattr(x, name) for x in states]) for name in names))
 
 
-FAST = fan.control.Bounds(speed=1.0, acceleration=5.0)
+FAST_BOUNDS = fan.control.Bounds(speed=1.0, acceleration=5.0)
 
 
-def problem(**options) -> Problem:
-    arguments = {"tolerance": 0.01, "bounds": FAST} | options
+def make_problem(**options) -> Problem:
+    arguments = {"tolerance": 0.01, "bounds": FAST_BOUNDS} | options
     return Problem(ARM, START, UNREACHABLE, **arguments)
 
 
 def test_motions_are_those_of_the_simulator():
-    simulated_with = problem()
-    rollouts = simulated_with.rollouts
+    problem = make_problem()
+    rollouts = problem.rollouts
     rng = np.random.default_rng(0)
     acceleration = rng.uniform(-1.0, 1.0, (9, 6, 3))
-    rolled = rollouts.simulate(simulated_with.root, np.zeros(9), acceleration)
+    rolled = rollouts.simulate(problem.root, np.zeros(9), acceleration)
     segment = rollouts.options.segment
     assert np.all(rolled.n_checks == rollouts.options.n_checks)
     for i in range(9):
@@ -62,18 +62,18 @@ def test_motions_are_those_of_the_simulator():
 
 def test_a_motion_does_not_depend_on_its_neighbours_or_on_threads():
     acceleration = np.random.default_rng(1).uniform(-1.0, 1.0, (40, 5, 3))
-    alone = problem(rollouts=RolloutOptions(threads=1))
-    together = problem(rollouts=RolloutOptions(threads=3)).rollouts.simulate(
-        alone.root, np.zeros(40), acceleration
+    one_thread = make_problem(rollouts=RolloutOptions(threads=1))
+    all_rollouts = make_problem(rollouts=RolloutOptions(threads=3)).rollouts.simulate(
+        one_thread.root, np.zeros(40), acceleration
     )
     for i in (0, 7, 8, 39):
-        single = alone.rollouts.simulate(alone.root, np.zeros(1), acceleration[[i]])
+        single = one_thread.rollouts.simulate(one_thread.root, np.zeros(1), acceleration[[i]])
         for name, a in single.states.items():
-            assert np.array_equal(a[0], together.states[name][i])
+            assert np.array_equal(a[0], all_rollouts.states[name][i])
 
 
 def test_rollouts_end_after_the_first_arrival():
-    near = Problem(
+    problem = Problem(
         ARM,
         START,
         {"elbow": 0.35},
@@ -82,38 +82,43 @@ def test_rollouts_end_after_the_first_arrival():
     )
     rng = np.random.default_rng(2)
     acceleration = rng.uniform(-2.0, 2.0, (64, 12, 3))
-    rolled = near.rollouts.simulate(near.root, np.zeros(64), acceleration)
-    there = (rolled.n_checks > 0) & (rolled.distance <= near.rollouts.stop_distance)
-    arrived = np.flatnonzero(there.any(axis=1))
+    rolled = problem.rollouts.simulate(problem.root, np.zeros(64), acceleration)
+    is_at_goal = (rolled.n_checks > 0) & (rolled.distance <= problem.rollouts.stop_distance)
+    arrived = np.flatnonzero(is_at_goal.any(axis=1))
     assert len(arrived) == 1 and rolled.n_simulated == arrived[0] + 1 < 64
     assert not rolled.n_checks[rolled.n_simulated :].any()
 
 
 def test_motions_end_at_obstacles_bounds_and_slackness():
     wall = {"name": "wall", "type": "half_space", "at": [0.1, 0, 0], "normal": [-1, 0, 0]}
-    task = problem(obstacles=[wall], rollouts=RolloutOptions(strings=False))
-    push = np.zeros((1, 12, 3))
-    push[0, :4, 0] = 2.0
-    push[0, :, 2] = -0.4
-    free = problem().rollouts.simulate(task.root, np.zeros(1), push)
-    cut = task.rollouts.simulate(task.root, np.zeros(1), push)
-    reached = int((cut.n_checks > 0).sum())
-    assert 0 < reached < (free.n_checks > 0).sum()
-    clear = task.rollouts.clearance
-    q_D, q_K = cut.states["q_D"][0, :reached], cut.states["q_K"][0, :reached]
+    walled = make_problem(obstacles=[wall], rollouts=RolloutOptions(strings=False))
+    pushing = np.zeros((1, 12, 3))
+    pushing[0, :4, 0] = 2.0
+    pushing[0, :, 2] = -0.4
+    free_rollouts = make_problem().rollouts.simulate(walled.root, np.zeros(1), pushing)
+    cut_rollouts = walled.rollouts.simulate(walled.root, np.zeros(1), pushing)
+    n_reached = int((cut_rollouts.n_checks > 0).sum())
+    assert 0 < n_reached < (free_rollouts.n_checks > 0).sum()
+    clear = walled.rollouts.clearance
+    q_D, q_K = cut_rollouts.states["q_D"][0, :n_reached], cut_rollouts.states["q_K"][0, :n_reached]
     assert clear.at(q_D, q_K).min() >= 0.0
-    assert clear.at(free.states["q_D"][0, reached], free.states["q_K"][0, reached]) < 0.0
-    narrow = problem(bounds=replace(FAST, position={"hand.length": (1.2, 1.4)}))
-    cut = narrow.rollouts.simulate(narrow.root, np.zeros(1), push)
-    lengths = cut.states["q_K"][0, (cut.n_checks[0] > 0)][:, 2]
+    assert (
+        clear.at(
+            free_rollouts.states["q_D"][0, n_reached], free_rollouts.states["q_K"][0, n_reached]
+        )
+        < 0.0
+    )
+    narrow_problem = make_problem(bounds=replace(FAST_BOUNDS, position={"hand.length": (1.2, 1.4)}))
+    cut_rollouts = narrow_problem.rollouts.simulate(narrow_problem.root, np.zeros(1), pushing)
+    lengths = cut_rollouts.states["q_K"][0, (cut_rollouts.n_checks[0] > 0)][:, 2]
     assert lengths.min() >= 1.2 and len(lengths) < 12
-    down = np.zeros((1, 12, 3))
-    down[0, :3, 2] = 3.0
-    taut, any_ = (
-        problem(slack=slack).rollouts.simulate(task.root, np.zeros(1), down)
+    lowering = np.zeros((1, 12, 3))
+    lowering[0, :3, 2] = 3.0
+    taut_rollouts, slack_rollouts = (
+        make_problem(slack=slack).rollouts.simulate(walled.root, np.zeros(1), lowering)
         for slack in (False, True)
     )
-    assert (taut.n_checks > 0).sum() < (any_.n_checks > 0).sum()
+    assert (taut_rollouts.n_checks > 0).sum() < (slack_rollouts.n_checks > 0).sum()
 
 
 def test_a_regulator_for_many_steps_tends_to_the_infinite_horizon():
@@ -128,7 +133,7 @@ def test_a_regulator_for_many_steps_tends_to_the_infinite_horizon():
 
 def test_derivatives_of_segments_are_those_of_the_simulators_steps():
     """The product of the exact derivatives of the steps, over a segment of a swinging arm."""
-    rollouts = problem().rollouts
+    rollouts = make_problem().rollouts
     acc = np.array([0.3, -0.2, -0.1])
     x, A = START, np.eye(14)
     B = np.zeros((14, 3))
@@ -136,11 +141,11 @@ def test_derivatives_of_segments_are_those_of_the_simulators_steps():
         step = ARM.linearise_step(x, acc, dt=rollouts.options.dt)
         A, B = step.A @ A, step.A @ B + step.B
         x = step.x_next
-    found_A, found_B = segment_derivatives(
-        ARM, rows(START), acc[None], rollouts.run_options, rollouts.options.n_checks
+    segment_A, segment_B = segment_derivatives(
+        ARM, state_arrays(START), acc[None], rollouts.run_options, rollouts.options.n_checks
     )
-    assert np.allclose(found_B[0], B, atol=2e-5)
-    assert found_A.shape == (1, 14, 14)
+    assert np.allclose(segment_B[0], B, atol=2e-5)
+    assert segment_A.shape == (1, 14, 14)
 
 
 def test_regulated_motions_come_to_rest_at_the_goal():
@@ -149,7 +154,7 @@ def test_regulated_motions_come_to_rest_at_the_goal():
         task.root,
         np.zeros(4),
         np.zeros((4, 100, 3)),
-        n_given=np.zeros(4),
+        n_prescribed=np.zeros(4),
         lead_time=np.array([0.3, 0.5, 0.8, 1.0]),
     )
     assert np.all(rolled.distance[:, -1] < 0.02)
@@ -169,26 +174,30 @@ def test_distances_from_goals():
         )
         for e in (0.2, 0.6, 1.4)
     ]
-    distances = goal.distance(rows(*states))
+    distances = goal.distance(state_arrays(*states))
     for x, d in zip(states, distances, strict=True):
-        half = np.sqrt(0.1**2 + 0.7**2 + 0.3**2) / 2
-        axis = np.array([0.1, -0.7, 0.3]) / (2 * half)
-        cosine = abs(x.q_D[:4] @ np.concatenate([[np.cos(half)], np.sin(half) * axis]))
+        half_angle = np.sqrt(0.1**2 + 0.7**2 + 0.3**2) / 2
+        axis = np.array([0.1, -0.7, 0.3]) / (2 * half_angle)
+        cosine = abs(x.q_D[:4] @ np.concatenate([[np.cos(half_angle)], np.sin(half_angle) * axis]))
         deviation = max(0.5 - x.q_D[4], x.q_D[4] - 0.9, 0.0)
         expected = 2 * np.arccos(min(cosine, 1.0)) + 2.0 * deviation + 0.3 * np.linalg.norm(x.v_D)
         assert d == pytest.approx(expected, abs=1e-9)
-    rest = Goal.pose(ARM, {"elbow": 0.5}, speed_weight=0.0, driven_weight=0.4)
+    rest_goal = Goal.pose(ARM, {"elbow": 0.5}, speed_weight=0.0, driven_weight=0.4)
     moving = states[0].replace(v_K=[0.3, 0.0, -0.4])
-    assert rest.distance(rows(moving))[0] == pytest.approx(0.3 + 0.4 * 0.5, abs=1e-12)
+    assert rest_goal.distance(state_arrays(moving))[0] == pytest.approx(0.3 + 0.4 * 0.5, abs=1e-12)
     moved_state = states[1].replace(v_K=[0.1, 0.0, 0.0])
     assert np.any(moved_state.v_D)
-    whole = Goal.of(ARM, moved_state).distance(
-        rows(moved_state, moving.replace(q_D=moved_state.q_D))
+    state_distances = Goal.of(ARM, moved_state).distance(
+        state_arrays(moved_state, moving.replace(q_D=moved_state.q_D))
     )
-    lacks = 0.1 * np.linalg.norm(moving.v_D - moved_state.v_D) + np.linalg.norm([0.2, 0.0, -0.4])
-    assert whole == pytest.approx([0.0, lacks], abs=1e-12), "17.4: a state's velocities count"
-    tip = Goal.point(ARM, "lower", [0.1, 0.0, -0.5], at=[0, 0, -0.3], to=[0.2, 0.1, -0.4])
-    for x, d in zip(states, tip.distance(rows(*states)), strict=True):
+    missing_speed = 0.1 * np.linalg.norm(moving.v_D - moved_state.v_D) + np.linalg.norm(
+        [0.2, 0.0, -0.4]
+    )
+    assert state_distances == pytest.approx([0.0, missing_speed], abs=1e-12), (
+        "17.4: a state's velocities count"
+    )
+    point_goal = Goal.point(ARM, "lower", [0.1, 0.0, -0.5], at=[0, 0, -0.3], to=[0.2, 0.1, -0.4])
+    for x, d in zip(states, point_goal.distance(state_arrays(*states)), strict=True):
         place = ARM.string_points(x.q_D, x.q_K)["hand"][0]
         nearest = np.clip(place, [0.1, 0.0, -0.5], [0.2, 0.1, -0.4])
         assert d == pytest.approx(np.linalg.norm(place - nearest), abs=1e-12)
@@ -200,12 +209,12 @@ def test_distances_from_goals():
         ({"start": np.array([5])}, "start ranges from 5"),
         ({"n_segments": np.array([200])}, "n_segments ranges from 200"),
         ({"n_segments": np.array([0])}, "n_segments ranges from 0"),
-        ({"n_given": np.array([0])}, "law ranges from 0"),
+        ({"n_prescribed": np.array([0])}, "law ranges from 0"),
         ({"acceleration": np.zeros((1, 4, 1))}, "the accelerations have the shape"),
     ],
 )
 def test_indices_outside_of_arrays_are_refused(change, message):
-    task = problem()
+    task = make_problem()
     task.rollouts.laws = []
     arguments = {"start": np.zeros(1), "acceleration": np.zeros((1, 4, 3))} | change
     with pytest.raises(ValueError, match=message):
@@ -225,16 +234,16 @@ def test_python_hears_signals_while_many_rollouts_are_simulated():
     """A timer's handler runs repeatedly during one long sweep."""
     if not hasattr(signal, "setitimer"):
         pytest.skip("needs setitimer")
-    task, heard = problem(rollouts=RolloutOptions(dt=0.002, n_checks=1000)), []
-    push = np.random.default_rng(0).uniform(-0.01, 0.01, (256, 1, 3))
-    before = signal.signal(signal.SIGALRM, lambda *_: heard.append(len(heard)))
+    task, signals = make_problem(rollouts=RolloutOptions(dt=0.002, n_checks=1000)), []
+    acceleration = np.random.default_rng(0).uniform(-0.01, 0.01, (256, 1, 3))
+    previous_handler = signal.signal(signal.SIGALRM, lambda *_: signals.append(len(signals)))
     try:
         signal.setitimer(signal.ITIMER_REAL, 0.005, 0.005)
-        task.rollouts.with_tolerance(tolerance=-1.0, free=True).simulate(
-            task.root, np.zeros(256), push
+        task.rollouts.with_tolerance(tolerance=-1.0, unbounded=True).simulate(
+            task.root, np.zeros(256), acceleration
         )
-        during = len(heard)
+        n_signals = len(signals)
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0.0)
-        signal.signal(signal.SIGALRM, before)
-    assert during > 3
+        signal.signal(signal.SIGALRM, previous_handler)
+    assert n_signals > 3

@@ -33,8 +33,8 @@ def standing(promenade) -> fan.State:
 def hanging(promenade, standing) -> fan.State:
     """A rest 6 cm above the floor."""
     names = promenade.coordinates.q_K
-    raised = {f"{s}.length": standing.q_K[names.index(f"{s}.length")] - 0.06 for s in STRINGS}
-    return promenade.rest(raised)
+    lengths = {f"{s}.length": standing.q_K[names.index(f"{s}.length")] - 0.06 for s in STRINGS}
+    return promenade.rest(lengths)
 
 
 def share_by_hand(marionette: fan.Marionette, run: fan.Trajectory) -> float:
@@ -77,9 +77,9 @@ def test_a_requested_share_of_the_weight(promenade, hanging):
     problem = Problem(promenade, hanging, fan.control.Goal.stand(promenade, FEET, share=0.25))
     plan = solve(problem, seed=0, time_limit=120.0)
     assert plan and plan.verify().share >= 0.25
-    light = problem.goal.touching([])
+    touching_goal = problem.goal.touching([])
     with pytest.raises(StateError, match=r"share is 1\.5"):
-        light.standing(FEET, share=1.5)
+        touching_goal.standing(FEET, share=1.5)
 
 
 def test_an_impossible_share_is_reported(promenade, hanging):

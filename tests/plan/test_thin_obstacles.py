@@ -32,12 +32,12 @@ strings:
 """)
 
 
-def wall(thickness: float, at: float = 0.5) -> dict:
+def wall(thickness: float, x: float = 0.5) -> dict:
     """A wall that cannot be passed."""
-    return {"name": "wall", "type": "box", "size": [thickness, 10, 10], "at": [at, 0, 0]}
+    return {"name": "wall", "type": "box", "size": [thickness, 10, 10], "at": [x, 0, 0]}
 
 
-def problem(thickness: float, *, margin: float = 0.0, strings: bool = False) -> Problem:
+def walled_problem(thickness: float, *, margin: float = 0.0, strings: bool = False) -> Problem:
     return Problem(
         bob(),
         bob().rest(),
@@ -52,9 +52,9 @@ def problem(thickness: float, *, margin: float = 0.0, strings: bool = False) -> 
 @pytest.mark.parametrize("strings", [False, True])
 @pytest.mark.parametrize(("thickness", "margin"), [(1e-3, 0.0), (1e-3, 5e-3), (1e-5, 0.0)])
 def test_no_plan_passes_through_a_thin_wall(thickness, margin, strings):
-    walled = problem(thickness, margin=margin, strings=strings)
+    problem = walled_problem(thickness, margin=margin, strings=strings)
     for seed in range(3):
-        plan = solve(walled, seed=seed, iterations=2000, time_limit=60.0)
+        plan = solve(problem, seed=seed, iterations=2000, time_limit=60.0)
         assert not plan
         assert plan.refused == 0, "rollouts stop at the wall already"
         assert plan.states.q_D[-1, 0] < 0.5
@@ -63,7 +63,7 @@ def test_no_plan_passes_through_a_thin_wall(thickness, margin, strings):
 @pytest.mark.parametrize("method", ["event", "timestepping"])
 @pytest.mark.parametrize("thickness", [0.02, 1e-3, 1e-6])
 def test_verification_detects_passages(thickness, method):
-    free = Problem(
+    problem = Problem(
         bob(),
         bob().rest(),
         {"bob.x": 1.0},
@@ -71,17 +71,17 @@ def test_verification_detects_passages(thickness, method):
         rollouts=RolloutOptions(threads=2),
         tolerance=0.3,
     )
-    plan = solve(free, seed=0, time_limit=60.0)
+    plan = solve(problem, seed=0, time_limit=60.0)
     assert plan
     run = plan.verify(method=method).run
-    for at in np.linspace(0.2, 0.6, 9):
-        clearance = Clearance(bob(), [wall(thickness, at)], strings=False)
+    for x in np.linspace(0.2, 0.6, 9):
+        clearance = Clearance(bob(), [wall(thickness, x)], strings=False)
         assert clearance.least(run).distance < 0.0
         assert clearance.nearest(run).distance < 0.0
 
 
 def test_a_plan_chosen_by_a_time_limit_says_that_a_second_run_may_differ():
-    free = Problem(
+    problem = Problem(
         bob(),
         bob().rest(),
         {"bob.x": 1.0},
@@ -89,7 +89,7 @@ def test_a_plan_chosen_by_a_time_limit_says_that_a_second_run_may_differ():
         rollouts=RolloutOptions(threads=2),
         tolerance=0.3,
     )
-    plan = solve(free, seed=0, time_limit=60.0)
+    plan = solve(problem, seed=0, time_limit=60.0)
     assert plan and "second run" not in plan.message
-    better = plan.grow(0.2)
-    assert better and "a second run may find another plan" in better.message
+    grown = plan.grow(0.2)
+    assert grown and "a second run may find another plan" in grown.message

@@ -27,22 +27,22 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 import fantoccini as fan
 from fantoccini import Status
 from properties import stages, throws
-from properties.check import INACCURATE
+from properties.check import INACCURATE_STATUSES
 
-SIZES = {"timestepping": 256, "event": 16, "live": 8}
+RUNS_PER_CROWD = {"timestepping": 256, "event": 16, "live": 8}
 """Runs of a crowd, by method."""
-SHARES = {"event": 0.002, "live": 0.001}
+RUN_SHARES = {"event": 0.002, "live": 0.001}
 """Shares of event-driven and live runs, which take up to a thousand times as long."""
-STEPS = (40, 120)
+STEP_RANGE = (40, 120)
 """Steps of a run with fixed steps."""
-DURATION = (0.1, 0.6)
+DURATION_RANGE = (0.1, 0.6)
 """Duration of an event-driven run [s]."""
-EVERY = 4
+STEPS_PER_SAMPLE = 4
 """Steps between samples."""
-DRAWN = 8
+MAX_DRAWS = 8
 """Maximum number of crowds of candidates, drawn until enough of them are free of overlaps."""
-EXPECTED = {
-    "timestepping": stages.EXPECTED,
+EXPECTED_STATUSES = {
+    "timestepping": stages.EXPECTED_STATUSES,
     "event": {
         Status.DONE,
         Status.TOO_MANY_EVENTS,
@@ -57,19 +57,19 @@ EXPECTED = {
     },
 }
 """Expected statuses."""
-LEDGER = {"timestepping": stages.LEDGER, "event": 1e-6}
+MAX_LEDGER_RESIDUAL = {"timestepping": stages.MAX_LEDGER_RESIDUAL, "event": 1e-6}
 """Bound on the ledger's residual, relative to the energy of the stage."""
-OVERLAP = {"timestepping": stages.OVERLAP, "event": 1e-9}
+MAX_OVERLAP = {"timestepping": stages.MAX_OVERLAP, "event": 1e-9}
 """Depth beyond which a run may not be DONE [m]."""
-RESIDUAL = {"timestepping": stages.RESIDUAL, "event": 1e-3}
+MAX_CONTACT_RESIDUAL = {"timestepping": stages.MAX_CONTACT_RESIDUAL, "event": 1e-3}
 """Residual of the laws of contact beyond which a sample is broken, relative."""
-LIMIT = 60.0
+CPU_TIME_LIMIT = 60.0
 """Time of the processor after which an event-driven run is stopped, and counts as hung [s]."""
-PATIENCE = 1200.0
+REPORT_TIMEOUT = 1200.0
 """Time without a report after which the workers count as stuck [s]."""
-KEPT = 5
+MAX_COMMANDS = 5
 """Commands stored for each failure; all are counted."""
-OUT = Path(__file__).resolve().parents[2] / "benchmarks" / "soak_crowds.json"
+RESULTS_FILE = Path(__file__).resolve().parents[2] / "benchmarks" / "soak_crowds.json"
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,28 +109,32 @@ class Count:
         for method, statuses in other.by_status.items():
             self.by_status.setdefault(method, Counter()).update(statuses)
         for method, measures in other.worst.items():
-            own = self.worst.setdefault(method, {})
+            own_worst = self.worst.setdefault(method, {})
             for name, value in measures.items():
-                own[name] = max(own.get(name, 0.0), value)
+                own_worst[name] = max(own_worst.get(name, 0.0), value)
         self.failures.update(other.failures)
-        for what, commands in other.commands.items():
-            self.commands[what] = sorted([*self.commands.get(what, []), *commands])[:KEPT]
+        for message, commands in other.commands.items():
+            self.commands[message] = sorted([*self.commands.get(message, []), *commands])[
+                :MAX_COMMANDS
+            ]
 
 
-def command(name: str, seed: int, method: str, i: int | None = None) -> str:
+def case_command(name: str, seed: int, method: str, i: int | None = None) -> str:
     """Command that repeats a crowd, or one of its runs."""
     number = "" if i is None else f" {i}"
     return f"PYTHONPATH=tests .venv/bin/python -m properties.crowds {name} {seed} {method}{number}"
 
 
-def crowd(name: str, seed: int, method: str) -> Crowd | None:
+def draw_crowd(name: str, seed: int, method: str) -> Crowd | None:
     """The crowd of a stage and seed; None if nothing fits among its obstacles."""
     rng = np.random.default_rng([seed, zlib.crc32(f"{name} {method}".encode())])
-    marionette, n = stages.stage(name, rng), SIZES[method]
+    marionette, n = stages.draw_stage(name, rng), RUNS_PER_CROWD[method]
     dt = float(np.exp(rng.uniform(np.log(5e-4), np.log(4e-3))))
-    lasts = float(rng.uniform(*DURATION)) if method == "event" else rng.integers(*STEPS) * dt
-    t_end = float(lasts)
-    starts = _starts(rng, marionette, n)
+    duration = (
+        float(rng.uniform(*DURATION_RANGE)) if method == "event" else rng.integers(*STEP_RANGE) * dt
+    )
+    t_end = float(duration)
+    starts = _draw_starts(rng, marionette, n)
     if not starts:
         return None
     inputs = None
@@ -148,28 +152,28 @@ def crowd(name: str, seed: int, method: str) -> Crowd | None:
     return Crowd(marionette, starts, inputs, t_end, options)
 
 
-def _starts(rng: np.random.Generator, marionette: fan.Marionette, n: int) -> list[fan.State]:
+def _draw_starts(rng: np.random.Generator, marionette: fan.Marionette, n: int) -> list[fan.State]:
     """Thrown bodies at random places without overlaps; strings longer than needed."""
     table, x = marionette.coordinates, marionette.state()
     spread, states = float(rng.choice([0.15, 0.3])), []
     lengths = [s.length_index for s in marionette.tree.strings]
-    for k in range(DRAWN):
+    for k in range(MAX_DRAWS):
         q = np.tile(x.q_D, (n, 1))
-        for at, _ in table.quaternions_D:
-            level = np.where(rng.random((n, 1)) < 0.3, 0.02, 1.0)
-            turn = rng.normal(size=(n, 4)) * level + [1, 0, 0, 0]
-            q[:, at : at + 4] = turn / np.linalg.norm(turn, axis=1)[:, None]
-            name = table.q_D[at].rpartition(".")[0]
+        for q_index, _ in table.quaternions_D:
+            tilt = np.where(rng.random((n, 1)) < 0.3, 0.02, 1.0)
+            quaternion = rng.normal(size=(n, 4)) * tilt + [1, 0, 0, 0]
+            q[:, q_index : q_index + 4] = quaternion / np.linalg.norm(quaternion, axis=1)[:, None]
+            name = table.q_D[q_index].rpartition(".")[0]
             if f"{name}.x" in table.q_D:
-                first = table.q_D.index(f"{name}.x")
+                x_index = table.q_D.index(f"{name}.x")
                 low, high = (-0.2, 0.5) if "trunk" in name else (0.05, 2.0)
-                place = rng.uniform([-1, -1, low], [1, 1, high], (n, 3))
-                q[:, first : first + 3] = place * spread * (1.0 + 0.2 * k)
+                position = rng.uniform([-1, -1, low], [1, 1, high], (n, 3))
+                q[:, x_index : x_index + 3] = position * spread * (1.0 + 0.2 * k)
         q_K = np.tile(x.q_K, (n, 1))
         rows = marionette.library.evaluate("rows", q_D=q, q_K=q_K, p=marionette.p).h
-        for row, place in enumerate(lengths):
-            if place is not None:
-                q_K[:, place[0]] += rows[:, row] + rng.choice([0.001, 0.02])
+        for row, length_place in enumerate(lengths):
+            if length_place is not None:
+                q_K[:, length_place[0]] += rows[:, row] + rng.choice([0.001, 0.02])
         limits = rows[:, len(lengths) :]
         v = rng.normal(size=(n, len(x.v_D))) * rng.choice([0.0, 0.3, 2.0, 8.0], (n, 1))
         v *= rng.random(v.shape) < 0.7
@@ -181,163 +185,182 @@ def _starts(rng: np.random.Generator, marionette: fan.Marionette, n: int) -> lis
     return states
 
 
-def ran(given: Crowd) -> fan.Trajectories:
+def run_crowd(crowd: Crowd) -> fan.Trajectories:
     """The runs of a crowd, on one thread."""
-    every = {} if isinstance(given.method, fan.Event) else {"save_every": EVERY}
-    times = np.linspace(0.0, given.t_end, 9) if isinstance(given.method, fan.Event) else None
-    began = time.process_time()
+    save_options = {} if isinstance(crowd.method, fan.Event) else {"save_every": STEPS_PER_SAMPLE}
+    times = np.linspace(0.0, crowd.t_end, 9) if isinstance(crowd.method, fan.Event) else None
+    start_time = time.process_time()
 
     def watch(_: object) -> None:
-        if time.process_time() - began > LIMIT * len(given.starts):
+        if time.process_time() - start_time > CPU_TIME_LIMIT * len(crowd.starts):
             raise KeyboardInterrupt  # the partial run is kept, with the status STOPPED
 
     return fan.simulate_batch(
-        given.marionette,
-        given.starts,
-        given.inputs,
-        given.t_end,
-        method=given.method,
+        crowd.marionette,
+        crowd.starts,
+        crowd.inputs,
+        crowd.t_end,
+        method=crowd.method,
         save=("q_D", "v_D", "ledger", "contact_residual"),
         save_at=times,
         threads=1,
         progress=watch,
-        **every,
+        **save_options,
     )
 
 
-def one_of(given: Crowd, i: int) -> Crowd:
+def single_run(crowd: Crowd, i: int) -> Crowd:
     """The i-th run of a crowd, alone."""
-    inputs = given.inputs
+    inputs = crowd.inputs
     if inputs is not None:
-        bound = inputs.bound(np.array([x.q_K for x in given.starts]))
+        bound = inputs.bound(np.array([x.q_K for x in crowd.starts]))
         inputs = fan.motion.Inputs.of([bound[i]])
-    return Crowd(given.marionette, [given.starts[i]], inputs, given.t_end, given.method)
+    return Crowd(crowd.marionette, [crowd.starts[i]], inputs, crowd.t_end, crowd.method)
 
 
-def broken(given: Crowd, runs: fan.Trajectories) -> tuple[dict[str, np.ndarray], dict[str, float]]:
+def broken_properties(
+    crowd: Crowd, runs: fan.Trajectories
+) -> tuple[dict[str, np.ndarray], dict[str, float]]:
     """Broken property -> (n,) bool of the runs; and the largest measures."""
     method = runs.method
     status, done = runs.status, runs.status == Status.DONE
     reached = np.nan_to_num(runs.reached)[:, None] >= runs.t - 1e-12
-    whole = np.ones(len(status), dtype=bool)
+    is_finite = np.ones(len(status), dtype=bool)
     for array in (runs.q_D, runs.v_D, runs.ledger.values, runs.contact_residual[..., None]):
-        whole &= np.all(np.isfinite(array) | ~reached[..., None], axis=(1, 2))
-    law = np.max(np.where(reached, np.nan_to_num(runs.contact_residual), 0.0), axis=1)
-    q_K = np.array([x.q_K for x in given.starts])
-    if given.inputs is not None:
-        bound = given.inputs.bound(q_K)
-        q_K = np.array([bound[i].evaluate(given.t_end)[0] for i in range(len(bound))])
+        is_finite &= np.all(np.isfinite(array) | ~reached[..., None], axis=(1, 2))
+    contact_residual = np.max(np.where(reached, np.nan_to_num(runs.contact_residual), 0.0), axis=1)
+    q_K = np.array([x.q_K for x in crowd.starts])
+    if crowd.inputs is not None:
+        bound = crowd.inputs.bound(q_K)
+        q_K = np.array([bound[i].evaluate(crowd.t_end)[0] for i in range(len(bound))])
     depth = np.zeros(len(status))
     for i in np.flatnonzero(done):
-        at = given.marionette.overlaps(runs.q_D[i, -1], q_K[i])
-        depth[i] = max(at.values(), default=0.0)
+        overlaps = crowd.marionette.overlaps(runs.q_D[i, -1], q_K[i])
+        depth[i] = max(overlaps.values(), default=0.0)
     ledger = {
         n: np.nan_to_num(runs.ledger[n]) for n in ("kinetic", "potential", "work", "residual")
     }
-    size = np.max(np.abs(ledger["kinetic"]), axis=1) + np.max(np.abs(ledger["work"]), axis=1)
-    size += np.ptp(np.where(reached, ledger["potential"], ledger["potential"][:, :1]), axis=1)
-    residual = np.max(np.abs(ledger["residual"]), axis=1) / (size + given.marionette.weight)
-    off = done & (residual > LEDGER[method])
-    slow = np.full(len(status), given.inputs is None)
-    if isinstance(given.method, fan.TimeStepping):
-        slow &= _turn(given, runs) < stages.TURN / 3.0  # some turn faster between the samples
-    expected = np.isin(status, [int(s) for s in EXPECTED[method]])
+    energy_scale = np.max(np.abs(ledger["kinetic"]), axis=1) + np.max(
+        np.abs(ledger["work"]), axis=1
+    )
+    energy_scale += np.ptp(
+        np.where(reached, ledger["potential"], ledger["potential"][:, :1]), axis=1
+    )
+    residual = np.max(np.abs(ledger["residual"]), axis=1) / (energy_scale + crowd.marionette.weight)
+    is_unbalanced = done & (residual > MAX_LEDGER_RESIDUAL[method])
+    turns_slowly = np.full(len(status), crowd.inputs is None)
+    if isinstance(crowd.method, fan.TimeStepping):
+        # Some turn faster between the samples.
+        turns_slowly &= _largest_turns(crowd, runs) < stages.MAX_TURN / 3.0
+    expected = np.isin(status, [int(s) for s in EXPECTED_STATUSES[method]])
     failures = {
-        "is not finite": ~whole,
-        "ends before its end as DONE": done & ~(runs.reached >= given.t_end - 1e-9),
-        "overlaps silently": done & (depth > OVERLAP[method]),
-        "breaks the law of contact silently": done & (law > RESIDUAL[method]),
-        "the ledger does not close silently": off,
-        "the ledger does not close": slow & np.isin(status, list(INACCURATE)),
+        "is not finite": ~is_finite,
+        "ends before its end as DONE": done & ~(runs.reached >= crowd.t_end - 1e-9),
+        "overlaps silently": done & (depth > MAX_OVERLAP[method]),
+        "breaks the law of contact silently": done
+        & (contact_residual > MAX_CONTACT_RESIDUAL[method]),
+        "the ledger does not close silently": is_unbalanced,
+        "the ledger does not close": turns_slowly & np.isin(status, list(INACCURATE_STATUSES)),
     } | {f"ends with {Status(int(s)).name}": status == s for s in np.unique(status[~expected])}
     worst = {
         "overlap": float(np.max(depth, initial=0.0)),
-        "law": float(np.max(law[done], initial=0.0)),
+        "law": float(np.max(contact_residual[done], initial=0.0)),
         "residual": float(np.max(residual[done], initial=0.0)),
     }
     return failures, worst
 
 
-def _turn(given: Crowd, runs: fan.Trajectories) -> np.ndarray:
+def _largest_turns(crowd: Crowd, runs: fan.Trajectories) -> np.ndarray:
     """(n,) largest turn of a body in a step [rad]."""
-    table, v = given.marionette.coordinates, np.abs(np.nan_to_num(runs.v_D))
-    rows = [v[..., at : at + 3] for _, at in table.quaternions_D]
-    rows += [v[..., at : at + 1] for q, at in table.scalars_D if "leg" in table.q_D[q]]
-    return given.method.dt * np.max([np.max(each, axis=(1, 2)) for each in rows], axis=0)
+    table, v = crowd.marionette.coordinates, np.abs(np.nan_to_num(runs.v_D))
+    rows = [v[..., v_index : v_index + 3] for _, v_index in table.quaternions_D]
+    rows += [
+        v[..., v_index : v_index + 1] for q, v_index in table.scalars_D if "leg" in table.q_D[q]
+    ]
+    return crowd.method.dt * np.max([np.max(speeds, axis=(1, 2)) for speeds in rows], axis=0)
 
 
-def counted(name: str, seed: int, method: str) -> Count:
+def count_crowd(name: str, seed: int, method: str) -> Count:
     """Run a crowd and count: in lanes, or one by one, each within its limit of time."""
     if method == "live":
-        return performed(name, seed)
-    whole_crowd, count = crowd(name, seed, method), Count()
-    if whole_crowd is None:
+        return count_throws(name, seed)
+    crowd, count = draw_crowd(name, seed, method), Count()
+    if crowd is None:
         return count
-    whole = isinstance(whole_crowd.method, fan.TimeStepping)
-    for first in range(1 if whole else len(whole_crowd.starts)):
-        part = whole_crowd if whole else one_of(whole_crowd, first)
-        runs = ran(part)
-        failures, worst = broken(part, runs)
+    in_lanes = isinstance(crowd.method, fan.TimeStepping)
+    for first in range(1 if in_lanes else len(crowd.starts)):
+        subset = crowd if in_lanes else single_run(crowd, first)
+        runs = run_crowd(subset)
+        failures, worst = broken_properties(subset, runs)
         names = Counter(Status(int(s)).name for s in runs.status)
-        lost = np.nan_to_num(runs.ledger["friction"]) + np.nan_to_num(runs.ledger["impact"])
-        touched = int(np.sum(np.max(lost, axis=1) > 0.0))
-        here = Count(len(runs.status), touched, {method: names}, {method: worst})
-        for what, where in failures.items():
-            which = first + np.flatnonzero(where)
-            if len(which):
-                key = f"{name}, {method}: {what}"
-                here.failures[key] = len(which)
-                here.commands[key] = [command(name, seed, method, int(i)) for i in which[:KEPT]]
-        count.merge(here)
+        energy_lost = np.nan_to_num(runs.ledger["friction"]) + np.nan_to_num(runs.ledger["impact"])
+        touched = int(np.sum(np.max(energy_lost, axis=1) > 0.0))
+        run_count = Count(len(runs.status), touched, {method: names}, {method: worst})
+        for message, is_broken in failures.items():
+            run_indices = first + np.flatnonzero(is_broken)
+            if len(run_indices):
+                key = f"{name}, {method}: {message}"
+                run_count.failures[key] = len(run_indices)
+                run_count.commands[key] = [
+                    case_command(name, seed, method, int(i)) for i in run_indices[:MAX_COMMANDS]
+                ]
+        count.merge(run_count)
     return count
 
 
-def performed(name: str, seed: int) -> Count:
+def count_throws(name: str, seed: int) -> Count:
     """Throw the puppets of a stage about live, and count."""
     count = Count()
-    for i in range(SIZES["live"]):
-        throw = throws.thrown(name, seed, i)
-        if throw is None:
+    for i in range(RUNS_PER_CROWD["live"]):
+        result = throws.throw_puppets(name, seed, i)
+        if result is None:
             continue
-        worst = {"overlap": throw.overlap, "energy": throw.energy}
-        here = Count(1, int(throw.touched), {"live": Counter([throw.status])}, {"live": worst})
-        for what in throw.broken:
-            key = f"{name}, live: {what}"
-            here.failures[key], here.commands[key] = 1, [command(name, seed, "live", i)]
-        count.merge(here)
+        worst = {"overlap": result.overlap, "energy": result.energy}
+        run_count = Count(
+            1, int(result.touched), {"live": Counter([result.status])}, {"live": worst}
+        )
+        for message in result.broken:
+            key = f"{name}, live: {message}"
+            run_count.failures[key] = 1
+            run_count.commands[key] = [case_command(name, seed, "live", i)]
+        count.merge(run_count)
     return count
 
 
-def alone(name: str, seed: int, method: str, i: int) -> list[str]:
+def check_single_run(name: str, seed: int, method: str, i: int) -> list[str]:
     """Broken properties of the i-th run of a crowd, run alone."""
     if method == "live":
-        thrown = throws.thrown(name, seed, i)
-        print(thrown)
-        return [] if thrown is None else list(thrown.broken)
-    whole_crowd = crowd(name, seed, method)
-    assert whole_crowd is not None
-    single = one_of(whole_crowd, i)
-    runs = ran(single)
-    failures, worst = broken(single, runs)
+        result = throws.throw_puppets(name, seed, i)
+        print(result)
+        return [] if result is None else list(result.broken)
+    crowd = draw_crowd(name, seed, method)
+    assert crowd is not None
+    single_crowd = single_run(crowd, i)
+    runs = run_crowd(single_crowd)
+    failures, worst = broken_properties(single_crowd, runs)
     print(Status(int(runs.status[0])).name, worst)
-    return [what for what, where in failures.items() if where[0]]
+    return [message for message, is_broken in failures.items() if is_broken[0]]
 
 
-def cases(names: list[str], seed: int, shares: dict[str, float]):
+def crowd_cases(names: list[str], seed: int, shares: dict[str, float]):
     """(stage, seed, method) of an endless series of crowds: most with fixed steps, shares of the
     others.
     """
-    counts = dict.fromkeys(SIZES, 0)
-    stages_of = {method: names for method in SIZES}
+    counts = dict.fromkeys(RUNS_PER_CROWD, 0)
+    stages_of = {method: names for method in RUNS_PER_CROWD}
     stages_of["live"] = [name for name in names if name in throws.STAGES]
-    rare = [method for method, share in shares.items() if share > 0.0 and stages_of[method]]
-    k = dict.fromkeys(SIZES, 0)
+    rare_methods = [method for method, share in shares.items() if share > 0.0 and stages_of[method]]
+    k = dict.fromkeys(RUNS_PER_CROWD, 0)
     while True:
-        whole = sum(counts.values())
-        method = next((m for m in rare if counts[m] < shares[m] * whole), "timestepping")
-        counts[method] += SIZES[method]
-        these = stages_of[method]
-        yield these[k[method] % len(these)], seed + k[method] // len(these), method
+        total = sum(counts.values())
+        method = next((m for m in rare_methods if counts[m] < shares[m] * total), "timestepping")
+        counts[method] += RUNS_PER_CROWD[method]
+        method_stages = stages_of[method]
+        yield (
+            method_stages[k[method] % len(method_stages)],
+            seed + k[method] // len(method_stages),
+            method,
+        )
         k[method] += 1
 
 
@@ -350,32 +373,32 @@ def soak(
             stages.load(name).libraries.batch_library_of(method)
         stages.load(name).libraries.library_of("timestepping")
     count, context = Count(), multiprocessing.get_context("spawn")
-    waiting: dict[Future, tuple[str, int, str]] = {}
-    todo = cases(names, seed, shares)
+    cases_by_future: dict[Future, tuple[str, int, str]] = {}
+    remaining_cases = crowd_cases(names, seed, shares)
     with ProcessPoolExecutor(workers, mp_context=context) as pool:
         try:
             while True:
-                while count.runs < n and len(waiting) < 2 * workers:
-                    case = next(todo)
-                    waiting[pool.submit(counted, *case)] = case
-                if not waiting:
+                while count.runs < n and len(cases_by_future) < 2 * workers:
+                    case = next(remaining_cases)
+                    cases_by_future[pool.submit(count_crowd, *case)] = case
+                if not cases_by_future:
                     break
-                done, _ = wait(waiting, timeout=PATIENCE, return_when=FIRST_COMPLETED)
+                done, _ = wait(cases_by_future, timeout=REPORT_TIMEOUT, return_when=FIRST_COMPLETED)
                 if not done:
-                    for case in waiting.values():
+                    for case in cases_by_future.values():
                         count.failures["no answer"] += 1
-                        count.commands.setdefault("no answer", []).append(command(*case))
+                        count.commands.setdefault("no answer", []).append(case_command(*case))
                     for process in multiprocessing.active_children():
                         process.kill()
                     break
                 for future in done:
-                    case = waiting.pop(future)
+                    case = cases_by_future.pop(future)
                     try:
                         count.merge(future.result())
                     except Exception as error:  # A crash of a worker is a failure to report.
-                        what = f"{type(error).__name__}: {str(error)[:200]}"
-                        count.failures[what] += 1
-                        count.commands.setdefault(what, []).append(command(*case))
+                        message = f"{type(error).__name__}: {str(error)[:200]}"
+                        count.failures[message] += 1
+                        count.commands.setdefault(message, []).append(case_command(*case))
                         if type(error).__name__ == "BrokenProcessPool":
                             return count
                 if progress:
@@ -392,18 +415,18 @@ def main() -> int:
     parser.add_argument("--runs", type=int, default=1_000_000, help="(default 1,000,000)")
     parser.add_argument("--workers", type=int, default=os.cpu_count(), help="(default: all)")
     parser.add_argument("--seed", type=int, default=0, help="first seed of every stage")
-    for method, share in SHARES.items():
+    for method, share in RUN_SHARES.items():
         parser.add_argument(f"--{method}", type=float, default=share, help=f"part that is {method}")
     parser.add_argument("--only", choices=list(stages.ALL), action="append", help="one of them")
-    parser.add_argument("--out", type=Path, default=OUT, help="(default %(default)s)")
+    parser.add_argument("--out", type=Path, default=RESULTS_FILE, help="(default %(default)s)")
     options = parser.parse_args()
     if options.case:
         name, seed, method, *number = options.case
         if number:
-            failures = alone(name, int(seed), method, int(number[0]))
+            failures = check_single_run(name, int(seed), method, int(number[0]))
             print("broken:", *(failures or ["nothing"]), sep="\n  ")
             return int(bool(failures))
-        count = counted(name, int(seed), method)
+        count = count_crowd(name, int(seed), method)
     else:
         names, start = options.only or list(stages.ALL), time.perf_counter()
         columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
@@ -414,7 +437,7 @@ def main() -> int:
                 text = f"soaking, {sum(count.failures.values())} broken"
                 bar.update(task, completed=count.runs, description=text)
 
-            shares = {method: getattr(options, method) for method in SHARES}
+            shares = {method: getattr(options, method) for method in RUN_SHARES}
             count = soak(names, options.runs, options.seed, options.workers, shares, show)
         seconds = round(time.perf_counter() - start, 1)
         report = {
@@ -430,8 +453,8 @@ def main() -> int:
         options.out.write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
         print(f"{count.runs} runs in {seconds} s")
     print(f"{count.touched} of {count.runs} touched", count.by_status, count.worst)
-    for what, k in count.failures.most_common():
-        print(f"{k:>8}  {what}\n{'':10}{count.commands[what][0]}")
+    for message, k in count.failures.most_common():
+        print(f"{k:>8}  {message}\n{'':10}{count.commands[message][0]}")
     return int(bool(count.failures))
 
 

@@ -16,16 +16,16 @@ from fantoccini.dynamics.compiled import Evaluation
 from fantoccini.dynamics.equilibrium.projection import retract
 from properties import puppets
 
-STOCK = 24
+N_START_STATES = 24
 """Number of start states for each puppet."""
 
-ASKS = {"nothing": 0.1, "moderate": 0.4, "wild": 0.3, "impossible": 0.2}
+INPUT_KINDS = {"nothing": 0.1, "moderate": 0.4, "wild": 0.3, "impossible": 0.2}
 """Kinds of inputs, and their probabilities."""
 
-_REACH = {"nothing": 0.0, "moderate": 0.15, "wild": 0.5, "impossible": 2.0}
+_MOVE_SIZES = {"nothing": 0.0, "moderate": 0.15, "wild": 0.5, "impossible": 2.0}
 """Size of the inputs' moves within one performance [m or rad]."""
 
-_SHORTEST = {"nothing": 1.0, "moderate": 0.6, "wild": 0.3, "impossible": 0.05}
+_MIN_LENGTH_FACTORS = {"nothing": 1.0, "moderate": 0.6, "wild": 0.3, "impossible": 0.05}
 """Smallest part of its first length to which a string is shortened."""
 
 
@@ -39,7 +39,7 @@ class Performance:
         inputs: motion of its driven coordinates, and forces in some.
         t_end: end of the run [s].
         start: hanging, moved or thrown.
-        asks: nothing, moderate, wild or impossible.
+        input_kind: nothing, moderate, wild or impossible.
     """
 
     marionette: fan.Marionette
@@ -47,10 +47,10 @@ class Performance:
     inputs: fan.Input
     t_end: float
     start: str
-    asks: str
+    input_kind: str
 
 
-def performance(name: str, seed: int) -> Performance:
+def draw_performance(name: str, seed: int) -> Performance:
     """The performance of a puppet and seed.
 
     Args:
@@ -59,21 +59,23 @@ def performance(name: str, seed: int) -> Performance:
     """
     puppet = puppets.load(name)
     rng = np.random.default_rng([seed, zlib.crc32(name.encode())])
-    start = str(rng.choice(["hanging", "moved", "thrown"], p=[0.2, 0.3, 0.5]))
-    asks = str(rng.choice(list(ASKS), p=list(ASKS.values())))
+    start_kind = str(rng.choice(["hanging", "moved", "thrown"], p=[0.2, 0.3, 0.5]))
+    input_kind = str(rng.choice(list(INPUT_KINDS), p=list(INPUT_KINDS.values())))
     t_end = float(rng.uniform(0.1, 0.25))
-    x0 = stock(name)[0 if start == "hanging" else int(rng.integers(1, STOCK))]
-    breaks, coef = _moves(rng, puppet, x0, t_end, asks)
-    if start == "thrown":
+    x0 = start_states(name)[0 if start_kind == "hanging" else int(rng.integers(1, N_START_STATES))]
+    breaks, coef = _draw_moves(rng, puppet, x0, t_end, input_kind)
+    if start_kind == "thrown":
         x0 = x0.replace(v_D=rng.uniform(0.3, 3.0) * rng.normal(size=len(x0.v_D)))
     x0 = with_velocity(puppet, x0, coef[0, :, 1])
     # Velocities that the strings forbid at once are removed: the inputs begin at rest.
-    coef[:, :, :2] -= _ramp(coef[0, :, 1] - x0.v_K, breaks)
-    return Performance(puppet, x0, _input(rng, puppet, x0, breaks, coef), t_end, start, asks)
+    coef[:, :, :2] -= _ramp_coefficients(coef[0, :, 1] - x0.v_K, breaks)
+    return Performance(
+        puppet, x0, _input(rng, puppet, x0, breaks, coef), t_end, start_kind, input_kind
+    )
 
 
 @functools.cache
-def stock(name: str) -> tuple[fan.State, ...]:
+def start_states(name: str) -> tuple[fan.State, ...]:
     """Start states of a puppet, at rest: the first hangs, the others are moved from it.
 
     Strings with driven lengths get some slack in most of the moved ones, so that they catch soon
@@ -86,16 +88,16 @@ def stock(name: str) -> tuple[fan.State, ...]:
     except fan.errors.StateError:
         # Not every puppet hangs stably below its strings: such a puppet starts from its pose.
         states = [puppet.project(puppet.state())]
-    while len(states) < STOCK:
+    while len(states) < N_START_STATES:
         try:
-            states.append(_moved(rng, puppet, states[0]))
+            states.append(_draw_moved_state(rng, puppet, states[0]))
         except fan.errors.StateError:
             # No state fits these ends: move it elsewhere.
             continue
     return tuple(states)
 
 
-def _moved(rng: np.random.Generator, puppet: fan.Marionette, x: fan.State) -> fan.State:
+def _draw_moved_state(rng: np.random.Generator, puppet: fan.Marionette, x: fan.State) -> fan.State:
     """A state at rest near another one, on strings that fit."""
     move = rng.uniform(0.02, 0.5) * rng.normal(size=len(x.v_D))
     q_K = np.array(x.q_K)
@@ -108,10 +110,10 @@ def _moved(rng: np.random.Generator, puppet: fan.Marionette, x: fan.State) -> fa
     for row, string in enumerate(puppet.tree.strings):
         if string.length_index is not None:
             q_K[string.length_index[0]] += h[row] + slack * rng.uniform()
-    return puppet.project(moved.replace(q_K=np.maximum(q_K, _least(puppet))))
+    return puppet.project(moved.replace(q_K=np.maximum(q_K, _min_driven_values(puppet))))
 
 
-def _least(puppet: fan.Marionette) -> np.ndarray:
+def _min_driven_values(puppet: fan.Marionette) -> np.ndarray:
     """(n_qK,) least values of the driven coordinates: a length is positive."""
     names = puppet.coordinates.q_K
     return np.array([0.05 if n.endswith(".length") else -np.inf for n in names])
@@ -125,19 +127,21 @@ def with_velocity(puppet: fan.Marionette, x: fan.State, v_K: np.ndarray) -> fan.
     """
     if not (np.any(x.v_D) or np.any(v_K)):
         return x
-    for driven in (v_K, np.zeros_like(v_K)):
-        at = x.replace(v_K=driven)
-        instant = Evaluation.of(puppet, at)
-        scale = puppet.row_scales(at.q_D, at.q_K)
-        rows = np.flatnonzero((instant.h >= -1e-9 * scale) | puppet.two_sided)
-        solution = instant.complementarity(rows, instant.hdot[rows], puppet.two_sided)
+    for v_K_candidate in (v_K, np.zeros_like(v_K)):
+        candidate = x.replace(v_K=v_K_candidate)
+        evaluation = Evaluation.of(puppet, candidate)
+        scale = puppet.row_scales(candidate.q_D, candidate.q_K)
+        rows = np.flatnonzero((evaluation.h >= -1e-9 * scale) | puppet.two_sided)
+        solution = evaluation.complementarity(rows, evaluation.hdot[rows], puppet.two_sided)
         if solution.solved:
-            return at.replace(v_D=at.v_D - instant.solve_factor(instant.W[:, rows] @ solution.x))
+            return candidate.replace(
+                v_D=candidate.v_D - evaluation.solve_factor(evaluation.W[:, rows] @ solution.x)
+            )
     return x.replace(v_D=np.zeros_like(x.v_D), v_K=np.zeros_like(v_K))
 
 
-def _moves(
-    rng: np.random.Generator, puppet: fan.Marionette, x0: fan.State, t_end: float, asks: str
+def _draw_moves(
+    rng: np.random.Generator, puppet: fan.Marionette, x0: fan.State, t_end: float, input_kind: str
 ) -> tuple[np.ndarray, np.ndarray]:
     """Motion of the driven coordinates, relative to their start.
 
@@ -164,19 +168,19 @@ def _moves(
         coef[:, :, 3:] = move[..., None] * np.array([10.0, -15.0, 6.0]) / s[..., None] ** [3, 4, 5]
     coef[1:, :, 0] = np.cumsum(move, axis=0)[:-1]
     # Not all coordinates move in every performance.
-    coef *= (_REACH[asks] * rng.uniform(0.2, 1.0) * (rng.random(n_vK) < 0.7))[:, None]
+    coef *= (_MOVE_SIZES[input_kind] * rng.uniform(0.2, 1.0) * (rng.random(n_vK) < 0.7))[:, None]
     # Lengths stay positive: a move that shortens a string too far is scaled down as a whole.
     x = np.linspace(0.0, 1.0, 17) * s
     places = (coef[:, :, None] * x[:, None, :, None] ** np.arange(6)).sum(axis=-1)
     lowest = np.min(places, axis=(0, 2), initial=0.0)
     for q, v in table.scalars_K:
-        max_shortening = (1.0 - _SHORTEST[asks]) * x0.q_K[q]
+        max_shortening = (1.0 - _MIN_LENGTH_FACTORS[input_kind]) * x0.q_K[q]
         if table.q_K[q].endswith(".length") and -lowest[v] > max_shortening:
             coef[:, v] *= max_shortening / -lowest[v]
     return breaks, coef
 
 
-def _ramp(v_K: np.ndarray, breaks: np.ndarray) -> np.ndarray:
+def _ramp_coefficients(v_K: np.ndarray, breaks: np.ndarray) -> np.ndarray:
     """(n, n_vK, 2) the first two powers of v_K t on every piece."""
     return np.stack([np.outer(breaks[:-1], v_K), np.tile(v_K, (len(breaks) - 1, 1))], axis=-1)
 

@@ -19,19 +19,26 @@ _PLANE = {"type": "translation", "axes": ["x", "z"]}
 _SPACE = {"type": "translation", "axes": ["x", "y", "z"]}
 
 
-def _string(name: str, first: dict, last: dict, length="driven", *between: dict, **more) -> dict:
-    return {"name": name, "path": [first, *between, last], "length": length, **more}
+def _string(
+    name: str, first_point: dict, last_point: dict, length="driven", *middle_points: dict, **options
+) -> dict:
+    return {
+        "name": name,
+        "path": [first_point, *middle_points, last_point],
+        "length": length,
+        **options,
+    }
 
 
-def _on(body: str, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> dict:
+def _body_point(body: str, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> dict:
     return {"body": body, "at": [x, y, z]}
 
 
-def _end(axes: str, x: float, y: float, z: float) -> dict:
+def _driven_point(axes: str, x: float, y: float, z: float) -> dict:
     return {"driven": list(axes), "at": [x, y, z]}
 
 
-def _world(x: float, y: float, z: float) -> dict:
+def _world_point(x: float, y: float, z: float) -> dict:
     return {"world": [x, y, z]}
 
 
@@ -41,8 +48,8 @@ def _link(name: str, parent: str, joint: dict, length: float, mass: float) -> di
     return {"name": name, "parent": parent, "joint": joint, "shapes": [shape | {"mass": mass}]}
 
 
-def _hinge(z: float = 0.0, **more) -> dict:
-    return {"type": "revolute", "axis": [0, -1, 0], "at": [0, 0, z], **more}
+def _hinge(z: float = 0.0, **options) -> dict:
+    return {"type": "revolute", "axis": [0, -1, 0], "at": [0, 0, z], **options}
 
 
 def _box(name: str, size: list[float], mass: float, **joint) -> dict:
@@ -54,7 +61,7 @@ def _bob() -> dict:
     """A weight in a plane, on one string."""
     return {
         "bodies": [{"name": "bob", "joint": _PLANE, "mass": 0.2}],
-        "strings": [_string("line", _on("bob"), _end("xz", 0, 0, 0.8))],
+        "strings": [_string("line", _body_point("bob"), _driven_point("xz", 0, 0, 0.8))],
     }
 
 
@@ -66,21 +73,25 @@ def _ball() -> dict:
         "shapes": [{"type": "sphere", "radius": 0.05, "density": 400}],
         "drag": {"linear": 0.02, "quadratic": 0.05, "angular": 1e-4},
     }
-    line = _string("line", _on("ball", 0, 0, 0.05), _end("xyz", 0, 0, 0.7))
+    line = _string("line", _body_point("ball", 0, 0, 0.05), _driven_point("xyz", 0, 0, 0.7))
     return {"bodies": [body], "strings": [line]}
 
 
 def _planar_three() -> dict:
     """A weight in a plane on three strings, one of them redundant."""
     ends = {"left": -0.5, "middle": 0.0, "right": 0.6}
-    strings = [_string(n, _on("bob"), _end("x", x, 0, 0.6)) for n, x in ends.items()]
+    strings = [
+        _string(n, _body_point("bob"), _driven_point("x", x, 0, 0.6)) for n, x in ends.items()
+    ]
     return {"bodies": [{"name": "bob", "joint": _PLANE, "mass": 0.3}], "strings": strings}
 
 
 def _twins() -> dict:
     """A weight in space on two equal strings between the same two points."""
     hand = {"name": "hand", "joint": {**_SPACE, "at": [0, 0, 0.6], "driven": True}}
-    strings = [_string(name, _on("bob"), _on("hand"), 0.6) for name in ("one", "other")]
+    strings = [
+        _string(name, _body_point("bob"), _body_point("hand"), 0.6) for name in ("one", "other")
+    ]
     return {"bodies": [{"name": "bob", "joint": _SPACE, "mass": 0.25}, hand], "strings": strings}
 
 
@@ -88,7 +99,10 @@ def _rod() -> dict:
     """A rod in a plane on two strings inside its radius of gyration: catches accumulate."""
     rod = {"name": "rod", "parent": "slide", "joint": _hinge(), "mass": 0.3, "com": [0, 0, 0]}
     ends = {"left": -0.08, "right": 0.08}
-    strings = [_string(n, _on("rod", x), _end("z", 1.2 * x, 0, 0.5)) for n, x in ends.items()]
+    strings = [
+        _string(n, _body_point("rod", x), _driven_point("z", 1.2 * x, 0, 0.5))
+        for n, x in ends.items()
+    ]
     bodies = [{"name": "slide", "joint": _PLANE}, rod | {"inertia": [1e-4, 9e-3, 9e-3]}]
     return {"bodies": bodies, "strings": strings}
 
@@ -103,7 +117,10 @@ def _beam() -> dict:
         "inertia": [5e-4, 0.02, 0.02],
     }
     ends = {"left": -0.1, "right": 0.1}
-    strings = [_string(n, _on("beam", x), _end("xyz", x, 0, 0.6), 0.6) for n, x in ends.items()]
+    strings = [
+        _string(n, _body_point("beam", x), _driven_point("xyz", x, 0, 0.6), 0.6)
+        for n, x in ends.items()
+    ]
     return {"bodies": [beam], "strings": strings}
 
 
@@ -111,7 +128,9 @@ def _tray() -> dict:
     """A tray in space on four strings, at its corners."""
     corners = {"a": (1, 1), "b": (-1, 1), "c": (-1, -1), "d": (1, -1)}
     strings = [
-        _string(n, _on("tray", 0.15 * i, 0.1 * j), _end("xz", 0.2 * i, 0.15 * j, 0.5))
+        _string(
+            n, _body_point("tray", 0.15 * i, 0.1 * j), _driven_point("xz", 0.2 * i, 0.15 * j, 0.5)
+        )
         for n, (i, j) in corners.items()
     ]
     return {"bodies": [_box("tray", [0.3, 0.2, 0.02], 0.4)], "strings": strings}
@@ -121,12 +140,14 @@ def _cable_robot() -> dict:
     """A platform held by four strings from above and two from below: they may be contradictory."""
     above = {"a": (1, 1), "b": (-1, 1), "c": (-1, -1), "d": (1, -1)}
     strings = [
-        _string(n, _on("plate", 0.08 * i, 0.06 * j, 0.03), _world(0.5 * i, 0.4 * j, 0.5))
+        _string(
+            n, _body_point("plate", 0.08 * i, 0.06 * j, 0.03), _world_point(0.5 * i, 0.4 * j, 0.5)
+        )
         for n, (i, j) in above.items()
     ]
     strings += [
-        _string("e", _on("plate", 0.08, 0, -0.03), _world(0.5, 0.1, -0.5)),
-        _string("f", _on("plate", -0.08, 0, -0.03), _world(-0.5, -0.1, -0.5)),
+        _string("e", _body_point("plate", 0.08, 0, -0.03), _world_point(0.5, 0.1, -0.5)),
+        _string("f", _body_point("plate", -0.08, 0, -0.03), _world_point(-0.5, -0.1, -0.5)),
     ]
     return {"bodies": [_box("plate", [0.16, 0.12, 0.06], 0.6, damping=0.01)], "strings": strings}
 
@@ -136,9 +157,9 @@ def _figure() -> dict:
     bar = {"name": "bar", "joint": {"type": "free", "at": [0, 0, 0.6], "driven": True}}
     arm = _link("arm", "trunk", _hinge(0.0, limits={"lower": -0.5, "upper": 2.0}), 0.2, 0.05)
     strings = [
-        _string("front", _on("trunk", 0.06, 0, 0.1), _on("bar", 0.12), 0.52),
-        _string("back", _on("trunk", -0.06, 0, 0.1), _on("bar", -0.12), 0.52),
-        _string("wrist", _on("arm", 0, 0, -0.2), _on("bar", 0, 0.15)),
+        _string("front", _body_point("trunk", 0.06, 0, 0.1), _body_point("bar", 0.12), 0.52),
+        _string("back", _body_point("trunk", -0.06, 0, 0.1), _body_point("bar", -0.12), 0.52),
+        _string("wrist", _body_point("arm", 0, 0, -0.2), _body_point("bar", 0, 0.15)),
     ]
     trunk = _box("trunk", [0.08, 0.12, 0.2], 0.3)
     return {"bodies": [bar, trunk, arm], "strings": strings, "pose": {"arm": 0.4}}
@@ -151,15 +172,15 @@ def _tackle() -> dict:
     strings = [
         _string(
             "rope",
-            _on("weight"),
-            _end("z", -0.2, 0, 0.6),
+            _body_point("weight"),
+            _driven_point("z", -0.2, 0, 0.6),
             "driven",
-            _world(0.5, 0, 0.6),
-            _world(0.2, 0, 0.6),
-            _on("block"),
+            _world_point(0.5, 0, 0.6),
+            _world_point(0.2, 0, 0.6),
+            _body_point("block"),
         ),
-        _string("stay", _on("block"), _world(0, 0, -0.5), 0.7),
-        _string("guard", _on("weight"), _world(0.6, 0, 0.9), 1.1),
+        _string("stay", _body_point("block"), _world_point(0, 0, -0.5), 0.7),
+        _string("guard", _body_point("weight"), _world_point(0.6, 0, 0.9), 1.1),
     ]
     return {"bodies": [block, weight], "strings": strings}
 
@@ -167,9 +188,9 @@ def _tackle() -> dict:
 def _wire() -> dict:
     """A weight on a rigid wire, with a string of its own and one to a second weight."""
     strings = [
-        _string("wire", _on("bob"), _end("xy", 0, 0, 0.5), 0.5, wire=True),
-        _string("side", _on("bob"), _end("x", 0.4, 0, 0.3)),
-        _string("below", _on("bob"), _on("tail"), 0.2),
+        _string("wire", _body_point("bob"), _driven_point("xy", 0, 0, 0.5), 0.5, wire=True),
+        _string("side", _body_point("bob"), _driven_point("x", 0.4, 0, 0.3)),
+        _string("below", _body_point("bob"), _body_point("tail"), 0.2),
     ]
     tail = {"name": "tail", "joint": {**_SPACE, "at": [0, 0, -0.2]}, "mass": 0.1}
     bob = {"name": "bob", "joint": _SPACE, "mass": 0.2}
@@ -181,11 +202,11 @@ def _springs() -> dict:
     drag = {"linear": 0.3, "quadratic": 0.5}
     upper = {"name": "upper", "joint": {**_SPACE, "damping": 0.05}, "mass": 0.2, "drag": drag}
     lower = {"name": "lower", "joint": {**_SPACE, "at": [0.05, 0, -0.3]}, "mass": 0.15}
-    between = [_on("upper"), _on("lower")]
+    between = [_body_point("upper"), _body_point("lower")]
     spring = {"name": "spring", "between": between, "stiffness": 25, "rest": 0.2, "damping": 0.1}
-    elastic = {"name": "elastic", "between": [_on("lower"), _world(0.3, 0.2, -0.3)]}
+    elastic = {"name": "elastic", "between": [_body_point("lower"), _world_point(0.3, 0.2, -0.3)]}
     strings = [
-        _string("line", _on("upper"), _end("xz", 0, 0, 0.4)),
+        _string("line", _body_point("upper"), _driven_point("xz", 0, 0, 0.4)),
         _string("stop", *between, 0.32),
     ]
     springs = [spring, elastic | {"stiffness": 8, "rest": 0.3}]
@@ -197,8 +218,8 @@ def _trolley() -> dict:
     rail = {"type": "prismatic", "axis": [1, 0, 0], "at": [0, 0, 0.7], "driven": True}
     boom = _link("boom", "trolley", _hinge(-0.02, damping=1e-3), 0.25, 0.2)
     strings = [
-        _string("hoist", _on("load"), _on("trolley", 0.1)),
-        _string("tie", _on("load"), _on("boom", 0, 0, -0.25), 0.5),
+        _string("hoist", _body_point("load"), _body_point("trolley", 0.1)),
+        _string("tie", _body_point("load"), _body_point("boom", 0, 0, -0.25), 0.5),
     ]
     bodies = [
         {"name": "trolley", "joint": rail, "mass": 2.0, "inertia": [0.01, 0.01, 0.01]},
@@ -213,12 +234,14 @@ def _dozen() -> dict:
     rng, strings = np.random.default_rng(12), []
     for k in range(12):
         x, y, z = (float(v) for v in rng.uniform([-0.15, -0.1, 0.0], [0.15, 0.1, 0.04]))
-        end = (2.2 * x, 2.2 * y, float(rng.uniform(0.4, 0.7)))
+        upper_position = (2.2 * x, 2.2 * y, float(rng.uniform(0.4, 0.7)))
         driven = k % 2 == 0
-        reach = float(np.linalg.norm(np.subtract(end, (x, y, z))))
-        upper_end = _end("z", *end) if k % 3 == 0 else _world(*end)
-        length = "driven" if driven else round(1.002 * reach, 6)
-        strings.append(_string(f"s{k}", _on("hull", x, y, z), upper_end, length))
+        distance = float(np.linalg.norm(np.subtract(upper_position, (x, y, z))))
+        upper_end = (
+            _driven_point("z", *upper_position) if k % 3 == 0 else _world_point(*upper_position)
+        )
+        length = "driven" if driven else round(1.002 * distance, 6)
+        strings.append(_string(f"s{k}", _body_point("hull", x, y, z), upper_end, length))
     return {"bodies": [_box("hull", [0.3, 0.2, 0.08], 0.8)], "strings": strings}
 
 
@@ -229,8 +252,8 @@ def _arm() -> dict:
         _link("lower", "upper", _hinge(-0.25, limits={"lower": 0.0, "upper": 2.2}), 0.22, 0.08),
     ]
     strings = [
-        _string("elbow", _on("upper", 0, 0, -0.25), _end("x", 0.15, 0, 0.5)),
-        _string("hand", _on("lower", 0, 0, -0.22), _end("xz", 0.3, 0, 0.5)),
+        _string("elbow", _body_point("upper", 0, 0, -0.25), _driven_point("x", 0.15, 0, 0.5)),
+        _string("hand", _body_point("lower", 0, 0, -0.22), _driven_point("xz", 0.3, 0, 0.5)),
     ]
     pose = {"upper": 0.3, "lower": 0.6}
     return {"bodies": bodies, "strings": strings, "pose": pose}
@@ -248,8 +271,8 @@ def _limb() -> dict:
     elbow = _hinge(-0.22, limits={"lower": -0.1, "upper": 2.0})
     bodies = [_link("upper", "world", ball, 0.22, 0.1), _link("lower", "upper", elbow, 0.2, 0.07)]
     strings = [
-        _string("elbow", _on("upper", 0.01, 0, -0.2), _end("xy", 0.1, 0.1, 0.4)),
-        _string("hand", _on("lower", 0, 0.01, -0.2), _end("xyz", 0.2, 0, 0.4)),
+        _string("elbow", _body_point("upper", 0.01, 0, -0.2), _driven_point("xy", 0.1, 0.1, 0.4)),
+        _string("hand", _body_point("lower", 0, 0.01, -0.2), _driven_point("xyz", 0.2, 0, 0.4)),
     ]
     return {"bodies": bodies, "strings": strings, "pose": {"lower": 0.5}}
 
@@ -263,8 +286,10 @@ def _neck() -> dict:
     }
     head = {"name": "head", "joint": ball, "mass": 0.3, "com": [0, 0, 0.06]}
     strings = [
-        _string("left", _on("head", 0.02, 0.06, 0.08), _end("z", 0.02, 0.1, 0.4)),
-        _string("right", _on("head", 0.02, -0.06, 0.08), _end("z", 0.02, -0.1, 0.4)),
+        _string("left", _body_point("head", 0.02, 0.06, 0.08), _driven_point("z", 0.02, 0.1, 0.4)),
+        _string(
+            "right", _body_point("head", 0.02, -0.06, 0.08), _driven_point("z", 0.02, -0.1, 0.4)
+        ),
     ]
     return {"bodies": [head | {"inertia": [4e-4, 5e-4, 3e-4]}], "strings": strings}
 
@@ -274,7 +299,9 @@ def _chain() -> dict:
     bodies = [_link("l0", "world", _hinge(), 0.12, 0.05)]
     bodies += [_link(f"l{k}", f"l{k - 1}", _hinge(-0.12), 0.12, 0.05) for k in range(1, 5)]
     strings = [
-        _string(f"s{k}", _on(f"l{k}", 0, 0, -0.12), _end("xz", 0.1 + 0.08 * k, 0, 0.3))
+        _string(
+            f"s{k}", _body_point(f"l{k}", 0, 0, -0.12), _driven_point("xz", 0.1 + 0.08 * k, 0, 0.3)
+        )
         for k in (1, 3, 4)
     ]
     pose = {"l0": 0.4, "l1": 0.3, "l2": 0.2, "l3": 0.2}
@@ -289,10 +316,10 @@ def _beads() -> dict:
         for k, n in enumerate(names)
     ]
     strings = [
-        _string("top", _on("first"), _end("xz", 0, 0, 0.3)),
-        _string("middle", _on("first"), _on("second"), 0.2),
-        _string("bottom", _on("second"), _on("third"), 0.2),
-        _string("bypass", _on("first"), _on("third"), 0.4),
+        _string("top", _body_point("first"), _driven_point("xz", 0, 0, 0.3)),
+        _string("middle", _body_point("first"), _body_point("second"), 0.2),
+        _string("bottom", _body_point("second"), _body_point("third"), 0.2),
+        _string("bypass", _body_point("first"), _body_point("third"), 0.4),
     ]
     return {"bodies": bodies, "strings": strings}
 
@@ -300,9 +327,15 @@ def _beads() -> dict:
 def _winches() -> dict:
     """A weight on winches that slip, one of which rewinds, and a plain string."""
     strings = [
-        _string("slips", _on("load"), _end("x", -0.4, 0, 0.5), max_tension=6),
-        _string("rewinds", _on("load"), _end("x", 0.4, 0, 0.5), max_tension=5, rewind_speed=0.4),
-        _string("holds", _on("load"), _end("z", 0, 0.2, 0.6)),
+        _string("slips", _body_point("load"), _driven_point("x", -0.4, 0, 0.5), max_tension=6),
+        _string(
+            "rewinds",
+            _body_point("load"),
+            _driven_point("x", 0.4, 0, 0.5),
+            max_tension=5,
+            rewind_speed=0.4,
+        ),
+        _string("holds", _body_point("load"), _driven_point("z", 0, 0.2, 0.6)),
     ]
     return {"bodies": [{"name": "load", "joint": _SPACE, "mass": 0.4}], "strings": strings}
 
@@ -312,7 +345,12 @@ def _bouncers() -> dict:
     board = _box("board", [0.4, 0.2, 0.02], 0.5)
     corners = [(0.2, 0.1), (-0.2, 0.1), (-0.2, -0.1), (0.2, -0.1)]
     strings = [
-        _string(f"s{i}", _on("board", x, y), _end("z", 1.1 * x, 1.2 * y, 0.5), restitution=0.3 * i)
+        _string(
+            f"s{i}",
+            _body_point("board", x, y),
+            _driven_point("z", 1.1 * x, 1.2 * y, 0.5),
+            restitution=0.3 * i,
+        )
         for i, (x, y) in enumerate(corners)
     ]
     return {"bodies": [board], "strings": strings}

@@ -29,21 +29,21 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 import fantoccini as fan
 from fantoccini.kernel import build
 from properties import performances, puppets, stages
-from properties.check import METHODS, Result, checked
+from properties.check import METHODS, Result, check_case
 
-PIECE = 50
+PIECE_SIZE = 50
 """Performances that a worker runs before it reports."""
 
-PATIENCE = 300.0
+REPORT_TIMEOUT = 300.0
 """Time without a report after which the workers count as stuck [s]."""
 
-KEPT = 5
+MAX_STORED_CASES = 5
 """Cases stored for each failure of a puppet; all are counted."""
 
-ALL = (*puppets.ALL, *stages.ALL)
+ALL_NAMES = (*puppets.ALL, *stages.ALL)
 """Names of all puppets and stages."""
 
-OUT = Path(__file__).resolve().parents[2] / "benchmarks" / "soak.json"
+RESULTS_FILE = Path(__file__).resolve().parents[2] / "benchmarks" / "soak.json"
 
 
 @dataclass
@@ -61,7 +61,7 @@ class Failure:
     def add(self, runs: int, cases: list[tuple[int, str]]) -> None:
         """Add runs; the first cases by seed are kept, in any order of reports."""
         self.runs += runs
-        self.cases = sorted([*self.cases, *cases])[:KEPT]
+        self.cases = sorted([*self.cases, *cases])[:MAX_STORED_CASES]
 
 
 @dataclass
@@ -91,10 +91,10 @@ class Tally:
         self.runs_with_a_catch += result.catches > 0
         self.by_status[result.method][result.status] += 1
         for name in ("violation", "gap", "residual"):
-            self._widen(result.method, name, getattr(result, name))
-        for what in result.broken:
+            self._update_worst(result.method, name, getattr(result, name))
+        for message in result.broken:
             case = (result.seed, result.command)
-            self._fail(f"{result.method}: {what}", result.puppet, 1, [case])
+            self._add_failure(f"{result.method}: {message}", result.puppet, 1, [case])
 
     def merge(self, other: Tally) -> None:
         """Add all runs of another tally."""
@@ -103,37 +103,41 @@ class Tally:
         for method in METHODS:
             self.by_status[method] += other.by_status[method]
             for name, value in other.worst[method].items():
-                self._widen(method, name, value)
-        for (what, puppet), failure in other.failures.items():
-            self._fail(what, puppet, failure.runs, failure.cases)
+                self._update_worst(method, name, value)
+        for (message, puppet), failure in other.failures.items():
+            self._add_failure(message, puppet, failure.runs, failure.cases)
 
-    def lost(self, what: str, pieces) -> None:
+    def add_lost(self, message: str, pieces) -> None:
         """Add pieces (puppet, first seed, number) with lost runs."""
         module = "PYTHONPATH=tests .venv/bin/python -m properties.soak --workers 1"
         for puppet, first, n in pieces:
             runs = len(METHODS) * n
             command = f"{module} --only {puppet} --seed {first} --runs {runs}"
-            self._fail(what, puppet, runs, [(first, command)])
+            self._add_failure(message, puppet, runs, [(first, command)])
 
-    def kinds(self) -> list[tuple[str, int, list[tuple[str, Failure]]]]:
+    def failures_by_kind(self) -> list[tuple[str, int, list[tuple[str, Failure]]]]:
         """(broken property, runs, [(puppet, failure), ...]), the most frequent first."""
         by_kind = collections.defaultdict(list)
-        for (what, puppet), failure in self.failures.items():
-            by_kind[what].append((puppet, failure))
+        for (message, puppet), failure in self.failures.items():
+            by_kind[message].append((puppet, failure))
         kinds = [
-            (what, sum(f.runs for _, f in by_puppet), sorted(by_puppet, key=lambda x: -x[1].runs))
-            for what, by_puppet in by_kind.items()
+            (
+                message,
+                sum(f.runs for _, f in by_puppet),
+                sorted(by_puppet, key=lambda x: -x[1].runs),
+            )
+            for message, by_puppet in by_kind.items()
         ]
         return sorted(kinds, key=lambda kind: -kind[1])
 
-    def _fail(self, what: str, puppet: str, runs: int, cases: list) -> None:
-        self.failures.setdefault((what, puppet), Failure()).add(runs, cases)
+    def _add_failure(self, message: str, puppet: str, runs: int, cases: list) -> None:
+        self.failures.setdefault((message, puppet), Failure()).add(runs, cases)
 
-    def _widen(self, method: str, name: str, value: float) -> None:
+    def _update_worst(self, method: str, name: str, value: float) -> None:
         self.worst[method][name] = max(self.worst[method][name], value)
 
 
-def performed(puppet: str, first: int, n: int, methods: tuple[str, ...] = METHODS) -> Tally:
+def run_performances(puppet: str, first: int, n: int, methods: tuple[str, ...] = METHODS) -> Tally:
     """Run n performances of a puppet, or of a stage.
 
     Args:
@@ -146,27 +150,29 @@ def performed(puppet: str, first: int, n: int, methods: tuple[str, ...] = METHOD
     tally = Tally()
     if puppet in stages.ALL:
         for seed in range(len(methods) * first, len(methods) * (first + n)):
-            tally.add(stages.checked(puppet, seed))
+            tally.add(stages.check_stage(puppet, seed))
         return tally
     for seed in range(first, first + n):
-        given_performance = performances.performance(puppet, seed)
-        event = checked(puppet, seed, "event", given_performance)
-        tally.add(event)
+        performance = performances.draw_performance(puppet, seed)
+        event_result = check_case(puppet, seed, "event", performance)
+        tally.add(event_result)
         for method in methods[1:]:
-            tally.add(checked(puppet, seed, method, given_performance, fan.Status[event.status]))
+            tally.add(
+                check_case(puppet, seed, method, performance, fan.Status[event_result.status])
+            )
     return tally
 
 
-def pieces(names: list[str], performances: int, seed: int):
+def split_into_pieces(names: list[str], performances: int, seed: int):
     """(puppet, first seed, number) of pieces with this total of performances, puppets in turn."""
-    left, first = performances, seed
-    while left > 0:
+    remaining, first = performances, seed
+    while remaining > 0:
         for k, name in enumerate(names):
-            n = min(PIECE, -(-left // (len(names) - k)))
+            n = min(PIECE_SIZE, -(-remaining // (len(names) - k)))
             if n > 0:
                 yield name, first, n
-            left -= n
-        first += PIECE
+            remaining -= n
+        first += PIECE_SIZE
 
 
 def soak(
@@ -185,7 +191,7 @@ def soak(
         seed: seed of the first performance of each puppet.
         workers: processes.
         progress: called with the tally.
-        methods: see `performed`.
+        methods: see `run_performances`.
     """
     for name in names:  # once, not by every worker
         if name in stages.ALL:
@@ -194,27 +200,29 @@ def soak(
         puppets.load(name).compile()
         for method in methods:
             puppets.load(name).libraries.library_of(method)
-    tally, todo = Tally(), pieces(names, -(-runs // len(methods)), seed)
+    tally, todo = Tally(), split_into_pieces(names, -(-runs // len(methods)), seed)
     context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(workers, mp_context=context, initializer=_deaf) as pool:
-        waiting: dict[Future, tuple] = {}
+    with ProcessPoolExecutor(workers, mp_context=context, initializer=_ignore_interrupts) as pool:
+        pieces_by_future: dict[Future, tuple] = {}
         with contextlib.suppress(KeyboardInterrupt):
             while True:
                 # Only the pieces needed by the workers are queued, so that Ctrl-C ends soon.
-                while len(waiting) < 2 * workers and (piece := next(todo, None)):
-                    waiting[pool.submit(performed, *piece, methods)] = piece
-                if not waiting:
+                while len(pieces_by_future) < 2 * workers and (piece := next(todo, None)):
+                    pieces_by_future[pool.submit(run_performances, *piece, methods)] = piece
+                if not pieces_by_future:
                     break
-                done, _ = wait(waiting, timeout=PATIENCE, return_when=FIRST_COMPLETED)
+                done, _ = wait(
+                    pieces_by_future, timeout=REPORT_TIMEOUT, return_when=FIRST_COMPLETED
+                )
                 broke = any(isinstance(f.exception(), BrokenProcessPool) for f in done)
                 if broke or not done:
-                    what = "a worker died" if broke else f"no answer within {PATIENCE} s"
-                    tally.lost(what, waiting.values())
+                    message = "a worker died" if broke else f"no answer within {REPORT_TIMEOUT} s"
+                    tally.add_lost(message, pieces_by_future.values())
                     for process in multiprocessing.active_children():
                         process.kill()
                     break
                 for future in done:
-                    del waiting[future]
+                    del pieces_by_future[future]
                     tally.merge(future.result())
                 if progress:
                     progress(tally)
@@ -222,7 +230,7 @@ def soak(
     return tally
 
 
-def _deaf() -> None:
+def _ignore_interrupts() -> None:
     """Ignore Ctrl-C, which is for the parent."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
@@ -242,13 +250,13 @@ def report(tally: Tally, names: list[str], seed: int, seconds: float) -> dict:
         "worst_ledger_residual": {m: tally.worst[m]["residual"] for m in METHODS},
         "failures": [
             {
-                "what": what,
+                "what": message,
                 "puppet": puppet,
                 "runs": failure.runs,
                 "seeds": [seed for seed, _ in failure.cases],
                 "command": failure.cases[0][1],
             }
-            for what, _, by_puppet in tally.kinds()
+            for message, _, by_puppet in tally.failures_by_kind()
             for puppet, failure in by_puppet
         ],
         "seconds": round(seconds, 1),
@@ -278,10 +286,12 @@ def main() -> int:
     parser.add_argument("--runs", type=int, default=1_000_000, help="(default 1,000,000)")
     parser.add_argument("--workers", type=int, default=os.cpu_count(), help="(default: all cores)")
     parser.add_argument("--seed", type=int, default=0, help="first seed of every puppet")
-    parser.add_argument("--only", choices=list(ALL), action="append", help="one of them")
-    parser.add_argument("--out", type=Path, default=OUT, help="(default benchmarks/soak.json)")
+    parser.add_argument("--only", choices=list(ALL_NAMES), action="append", help="one of them")
+    parser.add_argument(
+        "--out", type=Path, default=RESULTS_FILE, help="(default benchmarks/soak.json)"
+    )
     options = parser.parse_args()
-    names = options.only or list(ALL)
+    names = options.only or list(ALL_NAMES)
     start = time.perf_counter()
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
     with Progress(*columns, TimeRemainingColumn()) as bar:
@@ -295,9 +305,9 @@ def main() -> int:
     results = report(tally, names, options.seed, time.perf_counter() - start)
     options.out.write_text(json.dumps(results, indent=1) + "\n", encoding="utf-8")
     Console().print_json(json.dumps({k: v for k, v in results.items() if k != "failures"}))
-    for what, runs, results in tally.kinds():
+    for message, runs, results in tally.failures_by_kind():
         puppet, failure = results[0]
-        print(f"{runs:>8}  {what} (of {len(results)} puppets, {failure.runs} {puppet})")
+        print(f"{runs:>8}  {message} (of {len(results)} puppets, {failure.runs} {puppet})")
         print(f"{'':10}{failure.cases[0][1]}")
     return int(bool(tally.failures))
 

@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 
 from properties import crowds, puppets, stages, throws
-from properties.check import METHODS, checked, simulated
-from properties.performances import performance
+from properties.check import METHODS, check_case, simulate_performance
+from properties.performances import draw_performance
 from properties.soak import soak
 
 pytestmark = [pytest.mark.slow, pytest.mark.long]
 
 RUNS = 2_500
-STAGED = 180
+STAGE_RUNS = 180
 WORKERS = 2
 COMPILED_VARIATIONAL = ("rod", "tray", "winches")
 """Puppets whose variational integrator is compiled here; `make soak` has all of them."""
@@ -43,35 +43,44 @@ def test_properties():
         print(f"{method}: {dict(tally.by_status[method])}, worst {tally.worst[method]}")
     assert tally.runs >= RUNS
     assert tally.runs_with_a_catch >= RUNS // 2
-    lines = [f"{n} x {what}: {by_puppet[0][1].cases[0][1]}" for what, n, by_puppet in tally.kinds()]
+    lines = [
+        f"{n} x {what}: {by_puppet[0][1].cases[0][1]}"
+        for what, n, by_puppet in tally.failures_by_kind()
+    ]
     assert not lines, "\n".join(["broken properties, each with a command that shows it:", *lines])
 
 
 def test_stages():
     """Bodies of all shapes thrown onto one another, with any friction, restitution and step."""
-    tally = soak(list(stages.ALL), STAGED, seed=0, workers=WORKERS, methods=METHODS[1:2])
+    tally = soak(list(stages.ALL), STAGE_RUNS, seed=0, workers=WORKERS, methods=METHODS[1:2])
     print(f"{tally.runs} runs: {dict(tally.by_status['timestepping'])}, {tally.catches} touches")
-    assert tally.runs >= STAGED and tally.catches >= STAGED
-    lines = [f"{n} x {what}: {by_puppet[0][1].cases[0][1]}" for what, n, by_puppet in tally.kinds()]
+    assert tally.runs >= STAGE_RUNS and tally.catches >= STAGE_RUNS
+    lines = [
+        f"{n} x {what}: {by_puppet[0][1].cases[0][1]}"
+        for what, n, by_puppet in tally.failures_by_kind()
+    ]
     assert not lines, "\n".join(["broken properties, each with a command that shows it:", *lines])
 
 
 def test_a_crowd_keeps_the_rules_and_its_runs_are_reproducible():
     """A failure among very many runs is reproduced by its command."""
-    count = crowds.counted("balls", 1, "timestepping")
-    assert count.runs == crowds.SIZES["timestepping"] and count.touched > count.runs // 2
+    count = crowds.count_crowd("balls", 1, "timestepping")
+    assert count.runs == crowds.RUNS_PER_CROWD["timestepping"] and count.touched > count.runs // 2
     assert not count.failures, count.commands
-    crowd = crowds.crowd("balls", 1, "timestepping")
-    whole = crowds.ran(crowd)
-    single = crowds.ran(replace(crowd, starts=crowd.starts[7:8]))
-    assert np.array_equal(whole.q_D[7], single.q_D[0])
+    crowd = crowds.draw_crowd("balls", 1, "timestepping")
+    all_runs = crowds.run_crowd(crowd)
+    single_run = crowds.run_crowd(replace(crowd, starts=crowd.starts[7:8]))
+    assert np.array_equal(all_runs.q_D[7], single_run.q_D[0])
 
 
 def test_crowds_include_event_driven_and_live_runs():
     """Every stage has fixed steps; puppets with hands are thrown live."""
-    first_cases = list(islice(crowds.cases(list(stages.ALL), 0, crowds.SHARES), 900))
-    runs = {m: sum(crowds.SIZES[m] for *_, m2 in first_cases if m2 == m) for m in crowds.SIZES}
-    for method, share in crowds.SHARES.items():
+    first_cases = list(islice(crowds.crowd_cases(list(stages.ALL), 0, crowds.RUN_SHARES), 900))
+    runs = {
+        m: sum(crowds.RUNS_PER_CROWD[m] for *_, m2 in first_cases if m2 == m)
+        for m in crowds.RUNS_PER_CROWD
+    }
+    for method, share in crowds.RUN_SHARES.items():
         assert runs[method] == pytest.approx(share * sum(runs.values()), rel=0.1)
     assert {name for name, _, m in first_cases if m == "timestepping"} == set(stages.ALL)
     assert {name for name, _, m in first_cases if m == "live"} == set(throws.STAGES)
@@ -81,14 +90,14 @@ def test_crowds_include_event_driven_and_live_runs():
 @pytest.mark.parametrize("name", ["figure", "duet"])
 def test_puppets_thrown_about_live_are_not_broken(name):
     """Throws are to the floor, at one another and random, among random obstacles and rules."""
-    throws_of_seeds = [each for i in range(4) if (each := throws.thrown(name, 1, i))]
-    assert throws_of_seeds and all(each.touched for each in throws_of_seeds)
-    assert not [each for each in throws_of_seeds if each.broken]
+    results = [result for i in range(4) if (result := throws.throw_puppets(name, 1, i))]
+    assert results and all(result.touched for result in results)
+    assert not [result for result in results if result.broken]
 
 
 def test_event_driven_runs_of_sliding_crates_have_no_failures():
     """Two boxes with sliding corners; contact/test_event_contact.py has a rod that jams."""
-    count = crowds.counted("crates", 20, "event")
+    count = crowds.count_crowd("crates", 20, "event")
     assert count.runs and count.touched and count.by_status["event"]["DONE"]
     assert not count.failures
 
@@ -99,7 +108,7 @@ def test_event_driven_runs_of_sliding_crates_have_no_failures():
 )
 def test_a_stage_that_has_broken_before(case):
     name, seed = case.split()
-    result = stages.checked(name, int(seed))
+    result = stages.check_stage(name, int(seed))
     assert not result.broken
     assert result.status == "DONE"
 
@@ -110,7 +119,7 @@ def test_a_stage_that_has_broken_before(case):
 )
 def test_a_run_of_a_crowd_that_has_broken_before(case):
     name, seed, i = case.split()
-    assert not crowds.alone(name, int(seed), "timestepping", int(i))
+    assert not crowds.check_single_run(name, int(seed), "timestepping", int(i))
 
 
 # Cases that have broken a property before, found among very many.
@@ -132,12 +141,12 @@ def test_a_run_of_a_crowd_that_has_broken_before(case):
 )
 def test_a_case_that_has_broken_before(case):
     puppet, seed, method = case.split()
-    assert not checked(puppet, int(seed), method).broken
+    assert not check_case(puppet, int(seed), method).broken
 
 
-def bits(puppet: str, seed: int, method: str) -> list:
+def result_bytes(puppet: str, seed: int, method: str) -> list:
     """All results of a run, as bytes."""
-    run = simulated(performance(puppet, seed), method)
+    run = simulate_performance(draw_performance(puppet, seed), method)
     arrays = [run.t, run.q_D, run.v_D, run.acc_D, run.q_K, run.v_K, run.acc_K]
     tables = (run.tension, run.limit_force, run.taut, run.ledger, run.violation)
     arrays += [columns.values for columns in tables]
@@ -153,11 +162,11 @@ def test_same_input_same_bits_in_any_thread(method):
         else ("rod", "tray", "arm", "figure", "dozen")
     )
     cases = [(name, seed) for seed in (1, 2) for name in names]
-    alone = [bits(name, seed, method) for name, seed in cases]
+    sequential = [result_bytes(name, seed, method) for name, seed in cases]
     with ThreadPoolExecutor(4) as pool:
-        mixed = list(pool.map(lambda case: bits(*case, method), cases * 4))
-    for k, result in enumerate(mixed):
-        assert result == alone[k % len(cases)], cases[k % len(cases)]
+        parallel = list(pool.map(lambda case: result_bytes(*case, method), cases * 4))
+    for k, result in enumerate(parallel):
+        assert result == sequential[k % len(cases)], cases[k % len(cases)]
 
 
 # Points of one body that turn at nanometres per second, points pulled aside as they begin to slide,
@@ -182,4 +191,4 @@ def test_same_input_same_bits_in_any_thread(method):
 )
 def test_an_event_driven_run_of_a_crowd_that_has_broken_before(case):
     name, seed, i = case.split()
-    assert not crowds.alone(name, int(seed), "event", int(i))
+    assert not crowds.check_single_run(name, int(seed), "event", int(i))

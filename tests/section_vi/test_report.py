@@ -19,7 +19,7 @@ from fantoccini import puppets
 from lab.toys import CART
 
 
-def report(puppet: fan.Marionette) -> SectionReport:
+def invented_report(puppet: fan.Marionette) -> SectionReport:
     """Report with invented figures; only the puppet's structure is real."""
     t, runs = np.linspace(0.0, 1.0, 5), []
     for w in (50.0, 100.0, 200.0):
@@ -45,15 +45,15 @@ def report(puppet: fan.Marionette) -> SectionReport:
 
 
 def test_the_command_leaves_the_page_of_a_puppet_with_its_plots(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(command, "measure", lambda puppet, *_: report(puppet))
+    monkeypatch.setattr(command, "measure", lambda puppet, *_: invented_report(puppet))
     command.write_report("arm2d", None, tmp_path / "made" / "here")
     pictures = {"exact_tracking.png", "catches.png", "bandwidth.png", "string_mass.png"}
     assert {p.name for p in (tmp_path / "made" / "here").iterdir()} == {"reduction.md", *pictures}
     text = (tmp_path / "made" / "here" / "reduction.md").read_text(encoding="utf-8")
     assert all(f"]({name})" in text for name in pictures)
     assert "M_DK = 0  (2 x 2)" in text and "| hand.length |" in text
-    said = capsys.readouterr().out
-    for part in (
+    output = capsys.readouterr().out
+    for line in (
         "(a) fails: <X_i, X_j>",
         "(a) yes: the mixed model is exact",
         "at rtol 1e-12",
@@ -63,12 +63,12 @@ def test_the_command_leaves_the_page_of_a_puppet_with_its_plots(tmp_path, monkey
         "on the file's own drives they differ by 0.01 (m, rad)",
         "not measured: a | line with [red]markup[/red]",
     ):
-        assert part in " ".join(said.split()) and part in " ".join(text.split())
+        assert line in " ".join(output.split()) and line in " ".join(text.split())
 
 
 def test_the_page_has_a_row_for_every_puppet():
     boom = fan.load(command.BOOM)
-    text = page([report(puppets.arm2d()), report(boom)], "chains", "machine")
+    text = page([invented_report(puppets.arm2d()), invented_report(boom)], "chains", "machine")
     assert "| arm2d | holds | holds | holds | holds | **fails** |" in text
     assert "| boom | **fails** | holds | **fails** | holds | **fails** |" in text
     assert text.count("\n| boom | ") == 7
@@ -81,6 +81,6 @@ def test_the_blocks_of_a_rod_on_a_trolley_as_expressions():
     blocks = symbolic(fan.loads(CART))
     assert blocks.of_q_D == ((0, 0),)
     (theta,) = blocks.effective.free_symbols
-    by_hand = 3 - sp.cos(theta) ** 2 / 4 / sp.Rational(7, 20)
-    assert sp.simplify(blocks.effective[0] - by_hand) == 0
+    expected = 3 - sp.cos(theta) ** 2 / 4 / sp.Rational(7, 20)
+    assert sp.simplify(blocks.effective[0] - expected) == 0
     assert "M_KK - M_KD M_DD^-1 M_DK depends on q_D" in blocks.text()

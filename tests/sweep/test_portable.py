@@ -16,19 +16,19 @@ from fantoccini.model.scene import assembled
 
 @pytest.mark.parametrize("name", ["arm2d", "marionette_bar"])
 def test_the_copy_is_the_same_puppet(name):
-    sent = getattr(fan.puppets, name)()
-    if sent.p.size:
-        sent = sent.with_parameters({next(iter(sent.tree.parameters)): 0.07})
-    received = pickle.loads(pickle.dumps(sent))
-    assert received.puppet.canonical() == sent.puppet.canonical()
-    assert np.array_equal(received.p, sent.p) and received.name == sent.name
+    original = getattr(fan.puppets, name)()
+    if original.p.size:
+        original = original.with_parameters({next(iter(original.tree.parameters)): 0.07})
+    received = pickle.loads(pickle.dumps(original))
+    assert received.puppet.canonical() == original.puppet.canonical()
+    assert np.array_equal(received.p, original.p) and received.name == original.name
 
 
 def test_winches_are_pickled_too():
     arm = fan.puppets.arm2d()
-    sent = arm.with_winches([[12.0, 0.5, 0.0]])
-    assert np.array_equal(pickle.loads(pickle.dumps(sent)).winches, [[12.0, 0.5, 0.0]])
-    assert np.array_equal(sent.with_parameters({"m1": 0.2}).winches, arm.winches)
+    original = arm.with_winches([[12.0, 0.5, 0.0]])
+    assert np.array_equal(pickle.loads(pickle.dumps(original)).winches, [[12.0, 0.5, 0.0]])
+    assert np.array_equal(original.with_parameters({"m1": 0.2}).winches, arm.winches)
 
 
 def test_libraries_are_not_pickled_but_are_kept_by_a_copy():
@@ -49,10 +49,10 @@ def test_meshes_are_pickled_with_their_puppet(tmp_path):
         "    shapes: [{type: mesh, file: meshes/box.stl, density: 1000}]\n"
     )
     stone = fan.load(file)
-    sent = pickle.dumps(stone)
+    original = pickle.dumps(stone)
     mass = stone.mass
     shutil.rmtree(folder.parent)
-    received = pickle.loads(sent)
+    received = pickle.loads(original)
     assert received.mass == mass == pytest.approx(6.0)
     assert received.puppet.bodies[0].shapes[0].path.is_file()
 

@@ -41,17 +41,20 @@ def test_ray_gives_the_same_bits_as_threads(cluster, arm, tmp_path):
         run = fan.simulate(puppet, x0, case["inputs"], t_end=0.2)
         return {"end": run.q_D[-1], "peak": run.tension["hand"].max(), "seed": str(case.seed)}
 
-    asked = {
+    arguments = {
         "over": {"puppet": [arm, heavy], "inputs": [lift], "p:m1": [0.1, 0.12]},
         "draw": {"x": (0, 1)},
         "seeds": 3,
     }
-    here = fan.sweep(study, **asked)
-    there = fan.sweep(study, **asked, on="ray", store=tmp_path)
-    assert there.done.all() and here.done.all()
+    on_threads = fan.sweep(study, **arguments)
+    on_ray = fan.sweep(study, **arguments, on="ray", store=tmp_path)
+    assert on_ray.done.all() and on_threads.done.all()
     for name in ("end", "peak", "seed", "x"):
-        assert np.array_equal(here[name], there[name]), name
-    assert fan.sweep(study, **asked, store=tmp_path)["end"].tobytes() == here["end"].tobytes()
+        assert np.array_equal(on_threads[name], on_ray[name]), name
+    assert (
+        fan.sweep(study, **arguments, store=tmp_path)["end"].tobytes()
+        == on_threads["end"].tobytes()
+    )
     assert ray.is_initialized()
 
 
@@ -66,8 +69,10 @@ def test_a_study_may_close_over_a_puppet(cluster, arm):
         fan.sweep(study, {"k": [1, 2]}, on="ray")["mass"], [arm.mass, 2 * arm.mass]
     )
     over = {"hand.length": [0.78, 0.8]}
-    there, here = (fan.sweep(trial, over, puppet=arm, on=on) for on in ("ray", "threads"))
-    assert there.failures == () and np.array_equal(there["last elbow"], here["last elbow"])
+    on_ray, on_threads = (
+        fan.sweep(trial, over, puppet=arm, on=executor) for executor in ("ray", "threads")
+    )
+    assert on_ray.failures == () and np.array_equal(on_ray["last elbow"], on_threads["last elbow"])
 
 
 def test_failures_and_dead_workers_are_reported_and_stop_nothing(cluster):
@@ -89,25 +94,25 @@ def test_failures_and_dead_workers_are_reported_and_stop_nothing(cluster):
 
 
 def test_a_study_that_cannot_reach_the_workers_is_a_failure(cluster):
-    class Stuck:
+    class UnsendableStudy:
         def __call__(self, case):
             return {}
 
         def __reduce__(self):
             return int, ("not a study",)
 
-    result = fan.sweep(Stuck(), {"k": [0, 1]}, on="ray")
+    result = fan.sweep(UnsendableStudy(), {"k": [0, 1]}, on="ray")
     assert len(result.failures) == 2
     assert "not a study" in result.failures[0].failure.message
 
 
 def test_workers_bound_the_number_of_concurrent_cases(cluster, tmp_path):
     def study(case):
-        mine = tmp_path / str(case["k"])
-        mine.touch()
+        marker = tmp_path / str(case["k"])
+        marker.touch()
         time.sleep(0.05)
         running = len(list(tmp_path.iterdir()))
-        mine.unlink()
+        marker.unlink()
         return {"running": running}
 
     assert fan.sweep(study, {"k": range(6)}, on="ray", workers=1)["running"].max() == 1
@@ -117,40 +122,40 @@ def test_an_interrupt_keeps_finished_cases(cluster, tmp_path):
     def study(case):
         return {"x": case.rng.random()}
 
-    def interrupt(at):
-        if at.done >= 5:
+    def interrupt(progress):
+        if progress.done >= 5:
             raise KeyboardInterrupt
 
-    asked = {"over": {"k": range(40)}, "on": "ray", "store": tmp_path}
+    arguments = {"over": {"k": range(40)}, "on": "ray", "store": tmp_path}
     with pytest.raises(fan.errors.SweepStopped, match="run the same sweep again"):
-        fan.sweep(study, **asked, progress=interrupt)
+        fan.sweep(study, **arguments, progress=interrupt)
     assert ray.is_initialized()
-    whole = fan.sweep(study, **asked)
-    assert np.array_equal(whole["x"], fan.sweep(study, {"k": range(40)})["x"])
+    resumed = fan.sweep(study, **arguments)
+    assert np.array_equal(resumed["x"], fan.sweep(study, {"k": range(40)})["x"])
 
 
 def test_a_sweep_ends_only_a_cluster_that_it_started(cluster, monkeypatch):
     """Start and end are only recorded, because each would take some seconds."""
-    noted, asked = [], itertools.chain([False], itertools.repeat(True))
-    monkeypatch.setattr(ray, "is_initialized", lambda: next(asked))
-    monkeypatch.setattr(ray_executor, "connect", lambda *found: noted.append(found))
-    monkeypatch.setattr(ray, "shutdown", lambda: noted.append("ended"))
+    calls, is_initialized = [], itertools.chain([False], itertools.repeat(True))
+    monkeypatch.setattr(ray, "is_initialized", lambda: next(is_initialized))
+    monkeypatch.setattr(ray_executor, "connect", lambda *arguments: calls.append(arguments))
+    monkeypatch.setattr(ray, "shutdown", lambda: calls.append("ended"))
     result = fan.sweep(lambda case: {"x": case["k"]}, {"k": [1, 2]}, on="ray", workers=1)
     assert np.array_equal(result["x"], [1, 2])
-    assert noted == [(ray, 1, None), "ended"]
+    assert calls == [(ray, 1, None), "ended"]
 
 
 def test_a_cluster_elsewhere_is_joined_and_not_configured(monkeypatch):
     monkeypatch.delenv("RAY_ADDRESS", raising=False)
-    noted = []
-    stub = types.SimpleNamespace(init=lambda **options: noted.append(options))
+    calls = []
+    stub = types.SimpleNamespace(init=lambda **options: calls.append(options))
     ray_executor.connect(stub, 3, None)
     ray_executor.connect(stub, 3, "auto")
     monkeypatch.setenv("RAY_ADDRESS", "10.0.0.1:6379")
     ray_executor.connect(stub, 3, None)
-    assert noted[0]["num_cpus"] == 3 and noted[0]["include_dashboard"] is False
-    assert noted[1]["address"] == "auto" and noted[2]["address"] is None
-    assert all("num_cpus" not in options for options in noted[1:])
+    assert calls[0]["num_cpus"] == 3 and calls[0]["include_dashboard"] is False
+    assert calls[1]["address"] == "auto" and calls[2]["address"] is None
+    assert all("num_cpus" not in options for options in calls[1:])
 
 
 def test_a_missing_ray_is_an_error_with_a_remedy(monkeypatch):

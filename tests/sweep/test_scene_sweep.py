@@ -9,7 +9,7 @@ import fantoccini as fan
 
 pytestmark = pytest.mark.slow
 
-PLANK = """
+PLANK_YAML = """
 puppet: plank
 bodies:
 - name: board
@@ -21,7 +21,7 @@ strings:
   length: driven
 pose: {board.z: 0.2, line.length: 0.19}
 """
-STAGE = """
+STAGE_YAML = """
 scene: stage
 floor: 0
 contact: true
@@ -31,20 +31,20 @@ puppets:
 props:
 - {name: ball, at: [0.25, 0, 0.0301], shapes: [{type: sphere, radius: 0.03, mass: 0.05}]}
 """
-HIGH, LOW = 0.19, 0.45
+SHORT_LENGTH, LONG_LENGTH = 0.19, 0.45
 
 
 @pytest.fixture(scope="module")
 def stage(tmp_path_factory):
     folder = tmp_path_factory.mktemp("stage")
-    (folder / "plank.yaml").write_text(PLANK)
-    (folder / "stage.yaml").write_text(STAGE)
+    (folder / "plank.yaml").write_text(PLANK_YAML)
+    (folder / "stage.yaml").write_text(STAGE_YAML)
     return fan.load(folder / "stage.yaml")
 
 
-def trial():
+def make_trial():
     return fan.lab.Trial(
-        inputs={"two.line.length": [(0.0, HIGH), (0.6, LOW)]},
+        inputs={"two.line.length": [(0.0, SHORT_LENGTH), (0.6, LONG_LENGTH)]},
         t_end=1.0,
         method=fan.TimeStepping(dt=2e-3),
         keep=["last one.board.z", "last two.board.z", "max tension:one.line", "ball.z"],
@@ -54,7 +54,7 @@ def trial():
 
 def test_a_trial_sweeps_a_scene(stage, tmp_path):
     over = {"p:one.load": [0.5, 1.0], "dt": [2e-3, 1e-3]}
-    sweep = fan.sweep(trial(), over, puppet=stage, store=tmp_path / "kept")
+    sweep = fan.sweep(make_trial(), over, puppet=stage, store=tmp_path / "kept")
     assert not sweep.failures and np.all(sweep["status"] == "DONE")
     assert sweep["last two.board.z"] == pytest.approx(0.01, abs=1e-4)  # let down onto the floor
     assert sweep["last one.board.z"] == pytest.approx(0.2, abs=1e-6)
@@ -62,9 +62,9 @@ def test_a_trial_sweeps_a_scene(stage, tmp_path):
     assert sweep["max tension:one.line"] == pytest.approx(weights, rel=1e-3)
     assert sweep["ball.z"].shape == (2, 2, 3)
     assert sweep["ball.z"] == pytest.approx(0.03, abs=2e-4)
-    again = fan.sweep(trial(), over, puppet=stage, store=tmp_path / "kept")
-    assert np.array_equal(again["ball.z"], sweep["ball.z"])
-    run = trial().run(sweep.case(1, 0))
+    resumed = fan.sweep(make_trial(), over, puppet=stage, store=tmp_path / "kept")
+    assert np.array_equal(resumed["ball.z"], sweep["ball.z"])
+    run = make_trial().run(sweep.case(1, 0))
     assert run.contact.force_on("two.board", len(run))[-1, 2] == pytest.approx(1.5 * 9.81, rel=1e-3)
 
 
@@ -88,15 +88,20 @@ def test_bundled_scenes_are_swept_side_by_side():
     study = fan.lab.Trial(t_end=0.3, method="timestepping", keep=keep)
     sweep = fan.sweep(study, over)
     assert list(sweep["status"]) == ["DONE", "DONE"]
-    stands, hangs = sweep["last torso.z"]
-    assert 0.335 < stands < hangs
+    standing_height, hanging_height = sweep["last torso.z"]
+    assert 0.335 < standing_height < hanging_height
 
 
 def test_workers_receive_a_whole_scene(stage):
     """Workers of Ray receive the text of a scene's puppets, not the file."""
     import pickle
 
-    there = pickle.loads(pickle.dumps(stage))
+    received = pickle.loads(pickle.dumps(stage))
     x0 = stage.state({"ball.z": 0.1})
-    here, sent = (fan.simulate(m, x0, t_end=0.2, method="timestepping") for m in (stage, there))
-    assert np.array_equal(here.q_D, sent.q_D) and len(here.contact) == len(sent.contact) > 0
+    original_run, received_run = (
+        fan.simulate(m, x0, t_end=0.2, method="timestepping") for m in (stage, received)
+    )
+    assert (
+        np.array_equal(original_run.q_D, received_run.q_D)
+        and len(original_run.contact) == len(received_run.contact) > 0
+    )

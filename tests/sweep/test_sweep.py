@@ -13,7 +13,7 @@ import fantoccini as fan
 LENGTHS = [0.78, 0.8, 0.85]
 
 
-def swing(case: fan.lab.Case) -> dict:
+def swing_study(case: fan.lab.Case) -> dict:
     """The arm's swing after a random push."""
     arm = case.marionette
     x0 = arm.project(arm.state({"hand.length": case["length"], "v:elbow": case.rng.normal()}))
@@ -23,7 +23,7 @@ def swing(case: fan.lab.Case) -> dict:
 
 def test_results_are_shaped_like_the_grid(arm):
     over = {"length": LENGTHS, "p:m2": [0.05, 0.08]}
-    result = fan.sweep(swing, over, puppet=arm, seeds=2)
+    result = fan.sweep(swing_study, over, puppet=arm, seeds=2)
     assert result.shape == result["peak"].shape == (3, 2, 2)
     assert result["end"].shape == (3, 2, 2, 2)
     assert result.names == ("end", "peak", "status")
@@ -33,16 +33,21 @@ def test_results_are_shaped_like_the_grid(arm):
     assert result.done.all() and result.failures == () and (result.seconds > 0).all()
     case = result.case(1, 1, 1)
     assert case.index == result.case(7).index == 7 and case.marionette.p[1] == 0.08
-    assert np.array_equal(swing(case)["end"], result["end"][1, 1, 1])
+    assert np.array_equal(swing_study(case)["end"], result["end"][1, 1, 1])
 
 
 def test_any_number_of_workers_gives_the_same_bits(arm):
-    asked = {"over": {"length": LENGTHS}, "puppet": arm, "draw": {"p:m1": (0.1, 0.2)}, "seeds": 4}
-    single, two, three = (fan.sweep(swing, **asked, workers=n) for n in (1, 2, 3))
+    arguments = {
+        "over": {"length": LENGTHS},
+        "puppet": arm,
+        "draw": {"p:m1": (0.1, 0.2)},
+        "seeds": 4,
+    }
+    single, two, three = (fan.sweep(swing_study, **arguments, workers=n) for n in (1, 2, 3))
     for name in ("end", "peak", "p:m1"):
         assert np.array_equal(single[name], two[name]) and np.array_equal(single[name], three[name])
-    back = fan.sweep(swing, **{**asked, "over": {"length": LENGTHS[::-1]}})
-    assert np.array_equal(back["end"][::-1], single["end"])
+    reversed_sweep = fan.sweep(swing_study, **{**arguments, "over": {"length": LENGTHS[::-1]}})
+    assert np.array_equal(reversed_sweep["end"][::-1], single["end"])
 
 
 def test_a_failure_is_reported_and_stops_nothing(arm):
@@ -67,7 +72,7 @@ def test_a_failure_is_reported_and_stops_nothing(arm):
 
 
 @pytest.mark.parametrize(
-    ("found", "said"),
+    ("returned", "message"),
     [
         ({"x": None}, "figure 'x' is None"),
         ({"x": [[1], [1, 2]]}, "figure 'x'"),
@@ -76,24 +81,24 @@ def test_a_failure_is_reported_and_stops_nothing(arm):
         ([1.0], "must return a dict"),
     ],
 )
-def test_a_study_that_returns_something_else_is_an_error(found, said):
-    result = fan.sweep(lambda case: found, {"k": [0]})
-    assert said in result.failures[0].failure.message
+def test_a_study_that_returns_something_else_is_an_error(returned, message):
+    result = fan.sweep(lambda case: returned, {"k": [0]})
+    assert message in result.failures[0].failure.message
 
 
 def test_a_puppet_that_cannot_be_built_fails_its_own_cases(arm):
-    tried = []
+    compilations = []
 
-    class Broken(fan.Marionette):
+    class BrokenPuppet(fan.Marionette):
         def compile(self):
-            tried.append(1)
+            compilations.append(1)
             raise fan.errors.BuildError("no compiler here")
 
-    broken = Broken(arm.puppet)
-    result = fan.sweep(swing, {"puppet": {"good": arm, "bad": broken}, "length": [0.8, 0.81]})
+    broken = BrokenPuppet(arm.puppet)
+    result = fan.sweep(swing_study, {"puppet": {"good": arm, "bad": broken}, "length": [0.8, 0.81]})
     assert [f.values["puppet"] for f in result.failures] == ["bad", "bad"]
     assert "no compiler here" in result.failures[1].failure.message
-    assert result.done[:2].all() and len(tried) == 1
+    assert result.done[:2].all() and len(compilations) == 1
 
 
 def test_a_case_without_a_puppet_can_be_run_again():
@@ -131,9 +136,9 @@ def test_the_table_goes_to_csv(tmp_path):
 def test_progress_is_reported_and_may_interrupt():
     calls = []
 
-    def progress(at):
-        calls.append((at.done, at.total, at.failed))
-        if at.done == 4:
+    def progress(state):
+        calls.append((state.done, state.total, state.failed))
+        if state.done == 4:
             signal.raise_signal(signal.SIGINT)
 
     with pytest.raises(
@@ -147,29 +152,29 @@ def test_progress_is_reported_and_may_interrupt():
 
 
 def test_an_interrupt_does_not_wait_for_running_cases():
-    begun, end = threading.Event(), threading.Event()
+    study_begun, test_ended = threading.Event(), threading.Event()
 
     def study(case):
-        begun.set()
+        study_begun.set()
         if threading.current_thread() is not threading.main_thread() and case["k"] == 0:
             signal.raise_signal(signal.SIGINT)
-            end.wait(30)
+            test_ended.wait(30)
         return {}
 
     try:
         with pytest.raises(fan.errors.SweepStopped):
             fan.sweep(study, {"k": range(10)}, workers=1)
-        assert begun.is_set()
+        assert study_begun.is_set()
     finally:
-        end.set()
+        test_ended.set()
 
 
 def test_mistakes_of_the_call_are_named(arm):
     with pytest.raises(TypeError, match="a function of a case"):
         fan.sweep({"a": [1]})
     with pytest.raises(ValueError, match="'threads' or 'ray'"):
-        fan.sweep(swing, on="dask")
+        fan.sweep(swing_study, on="dask")
     with pytest.raises(ValueError, match="workers is 0"):
-        fan.sweep(swing, workers=0)
+        fan.sweep(swing_study, workers=0)
     with pytest.raises(ValueError, match="address goes with on='ray'"):
-        fan.sweep(swing, address="auto")
+        fan.sweep(swing_study, address="auto")

@@ -2,7 +2,7 @@
 
 from . import identification as identification, sweeps as sweeps
 from .identification import (
-    Identified as Identified,
+    IdentificationResult as IdentificationResult,
     Marker as Marker,
     Record as Record,
     Unknown as Unknown,

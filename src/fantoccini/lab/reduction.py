@@ -19,7 +19,7 @@ from fantoccini.base import Array, nonnegative_least_squares
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.lab.reduction_states import (
     Rows,
-    drive,
+    drive_inertia,
     in_metres,
     metric,
     random_states,
@@ -30,7 +30,7 @@ from fantoccini.motion import State
 
 N_STATES = 12
 """Configurations of each kind."""
-MAX_OUTSIDE = 1e-9
+MAX_OUTSIDE_SHARE = 1e-9
 """Largest share outside of a span, relative entry or relative change that counts as rounding."""
 RANK_TOL = 1e-9
 """Largest singular value, load or residual that counts as zero, relative to the largest of all."""
@@ -135,7 +135,7 @@ class ReductionReport:
         any_acc_K, products = None, None
         reason = outside = "no configuration with taut strings"
         if n := len(self.taut):
-            any_acc_K, products = not self.tied, max(self.taut) <= MAX_OUTSIDE
+            any_acc_K, products = not self.tied, max(self.taut) <= MAX_OUTSIDE_SHARE
             tied = ", ".join(f"{' + '.join(names)} ({k})" for names, k in self.tied.items())
             share = min(t.min_acceleration for t in self.tracking)
             smallest = min(t.min_singular_value for t in self.tracking)
@@ -146,7 +146,7 @@ class ReductionReport:
                 f"value of the scaled A_D {smallest:.2g} ({n} configurations)"
             )
             outside = (
-                f"outside in {sum(share > MAX_OUTSIDE for share in self.taut)} of {n} "
+                f"outside in {sum(share > MAX_OUTSIDE_SHARE for share in self.taut)} of {n} "
                 f"configurations; largest part outside {max(self.taut):.2g}"
             )
         return (
@@ -157,12 +157,12 @@ class ReductionReport:
             ),
             Claim(
                 "each block depends on its own coordinates alone",
-                max(D, K) <= MAX_OUTSIDE,
+                max(D, K) <= MAX_OUTSIDE_SHARE,
                 f"M_DD changes with q_K by {D:.2g} of itself, M_KK with q_D by {K:.2g} {count}",
             ),
             Claim(
                 "<Y_i, Y_j> lies in span{Y_k} while the strings are slack",
-                self.slack <= MAX_OUTSIDE,
+                self.slack <= MAX_OUTSIDE_SHARE,
                 f"largest part outside {self.slack:.2g} {count}",
             ),
             Claim("with taut strings the drives can still give any acc_K", any_acc_K, reason),
@@ -188,7 +188,7 @@ class ReductionReport:
             + (
                 f"; a jump of v_K would give the puppet up to {100.0 * share:.2g} % of a driven "
                 "coordinate's kinetic energy"
-                if share > MAX_OUTSIDE
+                if share > MAX_OUTSIDE_SHARE
                 else ""
             )
             + ("; tied strings go slack if the drives move apart" if self.tied else "")
@@ -205,7 +205,7 @@ def validate_reduction(marionette: Marionette) -> ReductionReport:
         StateError: the puppet has contact.
     """
     mixed, rng = without_drives(marionette), np.random.default_rng(0)
-    inertia = np.where(in_metres(mixed)[mixed.coordinates.n_vD :], *drive(mixed))
+    inertia = np.where(in_metres(mixed)[mixed.coordinates.n_vD :], *drive_inertia(mixed))
     states = random_states(mixed, N_STATES, rng)
     configurations = taut_states(mixed, N_STATES, rng)
     return ReductionReport(
@@ -222,27 +222,31 @@ def kinetic_energy(marionette: Marionette, states: list[State]) -> KineticEnergy
     """The blocks at two or more random configurations, each compared with the next."""
     n, table = marionette.coordinates.n_vD, marionette.coordinates
     shares, D_change, K_change, impact_share = np.zeros((n, table.n_vK)), 0.0, 0.0, 0.0
-    for x, other in zip(states, [*states[1:], *states[:1]], strict=True):
+    for x, next_state in zip(states, [*states[1:], *states[:1]], strict=True):
         M = metric(marionette, x)
-        size, M_DK = np.sqrt(np.maximum(np.diag(M), 0.0)), M[:n, n:]
-        shares = np.maximum(shares, _relative(M, size)[:n, n:])
-        by_K = _relative(metric(marionette, x.replace(q_K=other.q_K)) - M, size)[:n, :n]
-        by_D = _relative(metric(marionette, x.replace(q_D=other.q_D)) - M, size)[n:, n:]
-        D_change = max(D_change, float(np.max(by_K, initial=0.0)))
-        K_change = max(K_change, float(np.max(by_D, initial=0.0)))
-        absorbed = M_DK.T @ np.linalg.solve(M[:n, :n], M_DK)
-        absorbed = np.diag(_relative(absorbed, size[n:]))
-        impact_share = max(impact_share, float(np.max(absorbed, initial=0.0)))
+        scale, M_DK = np.sqrt(np.maximum(np.diag(M), 0.0)), M[:n, n:]
+        shares = np.maximum(shares, _relative(M, scale)[:n, n:])
+        change_with_K = _relative(metric(marionette, x.replace(q_K=next_state.q_K)) - M, scale)[
+            :n, :n
+        ]
+        change_with_D = _relative(metric(marionette, x.replace(q_D=next_state.q_D)) - M, scale)[
+            n:, n:
+        ]
+        D_change = max(D_change, float(np.max(change_with_K, initial=0.0)))
+        K_change = max(K_change, float(np.max(change_with_D, initial=0.0)))
+        absorbed_energy = M_DK.T @ np.linalg.solve(M[:n, :n], M_DK)
+        absorbed_energy = np.diag(_relative(absorbed_energy, scale[n:]))
+        impact_share = max(impact_share, float(np.max(absorbed_energy, initial=0.0)))
     i, j = np.unravel_index(np.argmax(shares), shares.shape) if shares.size else (0, 0)
     coupling = float(np.max(shares, initial=0.0))
-    pair = (table.v_D[i], table.v_K[j]) if coupling > MAX_OUTSIDE else ()
+    pair = (table.v_D[i], table.v_K[j]) if coupling > MAX_OUTSIDE_SHARE else ()
     return KineticEnergy(coupling, pair, D_change, K_change, impact_share)
 
 
-def _relative(block: Array, size: Array) -> Array:
+def _relative(block: Array, divisor: Array) -> Array:
     """|block[i, j]| / (size[i] size[j]); 0 where the divisor is 0."""
-    scale = np.outer(size, size)
-    return np.divide(np.abs(block), scale, out=np.zeros_like(block), where=scale > MIN_DIVISOR)
+    divisor = np.outer(divisor, divisor)
+    return np.divide(np.abs(block), divisor, out=np.zeros_like(block), where=divisor > MIN_DIVISOR)
 
 
 def symmetric_products(
@@ -269,16 +273,16 @@ def symmetric_products(
     n = n_vD + k
     A = np.hstack([marionette.A_D(x), marionette.A_K(x)])[taut]
     L = np.linalg.cholesky(metric(marionette, x, inertia))
-    free, W = np.linalg.solve(L, np.eye(n)[:, n_vD:]), np.linalg.solve(L, A.T)
-    mu = -np.linalg.pinv(W, rcond=RANK_TOL) @ free
-    fields = np.linalg.solve(L.T, free + W @ mu)
+    free_fields, W = np.linalg.solve(L, np.eye(n)[:, n_vD:]), np.linalg.solve(L, A.T)
+    mu = -np.linalg.pinv(W, rcond=RANK_TOL) @ free_fields
+    fields = np.linalg.solve(L.T, free_fields + W @ mu)
     C, Adot = np.zeros((k, n, n)), np.zeros((k, len(taut), n))
     for i in range(k):
-        moving = x.replace(v_D=fields[:n_vD, i], v_K=fields[n_vD:, i])
-        C[i] = marionette.interpreted("coriolis", moving).C
-        rate = marionette.interpreted("A_rate", moving)
+        moving_state = x.replace(v_D=fields[:n_vD, i], v_K=fields[n_vD:, i])
+        C[i] = marionette.interpreted("coriolis", moving_state).C
+        rate = marionette.interpreted("A_rate", moving_state)
         Adot[i] = np.hstack([rate.Adot_D, rate.Adot_K])[taut]
-    across, along = _basis(W), _basis(free + W @ mu)
+    row_basis, field_basis = _basis(W), _basis(free_fields + W @ mu)
     products, outside = np.zeros((n, k, k)), 0.0
     for i in range(k):
         for j in range(i + 1):
@@ -292,12 +296,12 @@ def symmetric_products(
                 axis=1,
             )
             terms = np.linalg.solve(L, terms)
-            terms = terms - across @ (across.T @ terms)
+            terms = terms - row_basis @ (row_basis.T @ terms)
             total = terms.sum(axis=1)
-            rest = total - along @ (along.T @ total)
-            size = float(np.sum(np.linalg.norm(terms, axis=0)))
+            outside_part = total - field_basis @ (field_basis.T @ total)
+            scale = float(np.sum(np.linalg.norm(terms, axis=0)))
             products[:, i, j] = products[:, j, i] = np.linalg.solve(L.T, total)
-            outside = max(outside, float(np.linalg.norm(rest)) / max(size, MIN_DIVISOR))
+            outside = max(outside, float(np.linalg.norm(outside_part)) / max(scale, MIN_DIVISOR))
     return products, outside
 
 
@@ -334,11 +338,13 @@ def tracking(marionette: Marionette, x: State, inertia: Array, rows: Rows) -> Tr
 
 def _ties(A_D: Array, A_K: Array) -> tuple[NDArray[np.bool_], bool]:
     """(n,) mask of rows in a y with A_D^T y = 0, A_K^T y != 0; whether some such y is >= 0."""
-    size = np.maximum(np.linalg.norm(np.hstack([A_D, A_K]), axis=1), MIN_DIVISOR)[:, None]
-    A_D, A_K = A_D / size, A_K / size
+    scale = np.maximum(np.linalg.norm(np.hstack([A_D, A_K]), axis=1), MIN_DIVISOR)[:, None]
+    A_D, A_K = A_D / scale, A_K / scale
     U, s, _ = np.linalg.svd(A_D)
-    null = U[:, int(np.sum(s > RANK_TOL * np.max(s, initial=0.0))) :]
-    loads = null @ np.linalg.svd(A_K.T @ null)[2].T if null.shape[1] else null
+    null_space = U[:, int(np.sum(s > RANK_TOL * np.max(s, initial=0.0))) :]
+    loads = (
+        null_space @ np.linalg.svd(A_K.T @ null_space)[2].T if null_space.shape[1] else null_space
+    )
     loads = loads[:, np.linalg.norm(A_K.T @ loads, axis=0) > RANK_TOL]
     tied = np.linalg.norm(loads, axis=1) > TIE_TOLERANCE
     if not np.any(tied):

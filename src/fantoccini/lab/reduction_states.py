@@ -45,7 +45,7 @@ def without_drives(marionette: Marionette) -> Marionette:
     return mixed
 
 
-def drive(mixed: Marionette, ratio: float = 1.0) -> tuple[float, float]:
+def drive_inertia(mixed: Marionette, ratio: float = 1.0) -> tuple[float, float]:
     """Mass of a drive, ``ratio`` times the puppet's [kg]; inertia of a rotary drive [kg m^2]."""
     mass = ratio * (mixed.mass or 1.0)
     return mass, mass * (GYRATION_RADIUS * mean_length(mixed)) ** 2
@@ -78,17 +78,17 @@ def taut_states(
 
     All strings are taut in states of even index, a random subset in those of odd index.
     """
-    x, n_s = marionette.state(), len(marionette.tree.strings)
+    x, n_strings = marionette.state(), len(marionette.tree.strings)
     spread = POSE_SPREAD * np.where(in_metres(marionette), mean_length(marionette), 1.0)
     states = []
-    for k in range(n if n_s else 0):
-        rows: Rows = np.arange(n_s)
+    for k in range(n if n_strings else 0):
+        rows: Rows = np.arange(n_strings)
         if k % 2:
-            rows = np.flatnonzero(rng.random(n_s) < 0.5)
-            rows = rows if len(rows) else rng.integers(n_s, size=1)
+            rows = np.flatnonzero(rng.random(n_strings) < 0.5)
+            rows = rows if len(rows) else rng.integers(n_strings, size=1)
         nearby = displaced(marionette, x, spread * rng.normal(size=spread.shape))
-        if (fitted := fit_strings(marionette, nearby)) is not None:
-            states.append((fitted, rows))
+        if (state := fit_strings(marionette, nearby)) is not None:
+            states.append((state, rows))
     return states
 
 
@@ -115,11 +115,11 @@ def fit_strings(marionette: Marionette, x: State) -> State | None:
     return x.replace(q_K=q_K)
 
 
-def displaced(marionette: Marionette, x: State, move: Array) -> State:
+def displaced(marionette: Marionette, x: State, displacement: Array) -> State:
     """x displaced by a tangent vector (n_vD + n_vK,), dynamic part first."""
     table = marionette.coordinates
-    q_D = moved(table.scalars_D, table.quaternions_D, x.q_D, move[: table.n_vD])
-    q_K = moved(table.scalars_K, table.quaternions_K, x.q_K, move[table.n_vD :])
+    q_D = moved(table.scalars_D, table.quaternions_D, x.q_D, displacement[: table.n_vD])
+    q_K = moved(table.scalars_K, table.quaternions_K, x.q_K, displacement[table.n_vD :])
     return x.replace(q_D=q_D, q_K=q_K)
 
 

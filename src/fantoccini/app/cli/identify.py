@@ -23,7 +23,7 @@ from fantoccini.app.cli_support import (
 from fantoccini.base import Progress, replacing
 from fantoccini.lab.identification import (
     Candidate,
-    Identified,
+    IdentificationResult,
     doubts,
     identify,
     load_record,
@@ -110,7 +110,7 @@ def _progress_text(at: Progress) -> str:
     return at.what if at.best is None else f"{at.what}: {at.best:.6g}"
 
 
-def _print_result(result: Identified) -> None:
+def _print_result(result: IdentificationResult) -> None:
     rows = []
     for name, value, deviation in zip(result.names, result.values, result.deviations, strict=True):
         if math.isfinite(deviation):
@@ -162,7 +162,7 @@ def print_motions(motions: tuple[Candidate, ...]) -> None:
                 len(motion.combinations),
             )
             for motion in motions[:_MAX_LISTED]
-            if not motion.refused
+            if not motion.failure
         ],
     )
     if motions[0].gain < _MIN_INFORMATION:
@@ -172,7 +172,7 @@ def print_motions(motions: tuple[Candidate, ...]) -> None:
         )
 
 
-def _save_report(result: Identified, path: Path, quiet: bool) -> None:
+def _save_report(result: IdentificationResult, path: Path, quiet: bool) -> None:
     """Writes a page or, by the ending of the path, all numbers as JSON."""
     if path.suffix.lower() == ".html":
         from fantoccini.output import reports
@@ -184,7 +184,7 @@ def _save_report(result: Identified, path: Path, quiet: bool) -> None:
         _save_numbers(result, path)
 
 
-def _save_numbers(result: Identified, path: Path) -> None:
+def _save_numbers(result: IdentificationResult, path: Path) -> None:
     def number(x: float) -> float | None:
         return float(x) if math.isfinite(x) else None
 

@@ -21,7 +21,7 @@ from fantoccini.app.cli_support import (
     print_table,
     write_outputs,
 )
-from fantoccini.control.optimal import Optimum, check_task, optimise, out_of_reach
+from fantoccini.control.optimal import Optimum, check_task, optimise, reach_notes
 from fantoccini.control.tasks import AnswerStatus, load_task, task_names
 from fantoccini.theatre.perform import Recording
 
@@ -45,7 +45,7 @@ def optimise_file(arguments: OptimiseArguments) -> None:
                 print_output(f"{arguments.file}: no mistakes")
             return
         display.stage("checking whether poses reach the paths")
-        for text in out_of_reach(task):
+        for text in reach_notes(task):
             print_message(f"fantoccini: {text}")
         optimum = optimise(
             task,
@@ -140,7 +140,7 @@ def _print_optimum(optimum: Optimum) -> None:
                 f"{contact.t:.4f}",
                 f"{contact.distance:.2g}",
             )
-            for contact in optimum.touched
+            for contact in optimum.closest_approaches
         ],
     )
     print_table(

@@ -3,15 +3,15 @@
 from fantoccini.control.optimal.api import check_task, follow, optimise, refuse_winches
 from fantoccini.control.optimal.iterations import Improvable, Limits, improve
 from fantoccini.control.optimal.mpc import MPC, MPCStatus
-from fantoccini.control.optimal.outlook import out_of_reach
+from fantoccini.control.optimal.outlook import reach_notes
 from fantoccini.control.optimal.reached import ReachedPose, ReachedPoses
 from fantoccini.control.optimal.reaching import TargetKey, reach
 from fantoccini.control.optimal.result import Optimum
-from fantoccini.control.optimal.tuning import Draws, Tuned, tune
+from fantoccini.control.optimal.tuning import DrawOptions, TuningResult, tune
 
 __all__ = [
     "MPC",
-    "Draws",
+    "DrawOptions",
     "Improvable",
     "Limits",
     "MPCStatus",
@@ -19,13 +19,13 @@ __all__ = [
     "ReachedPose",
     "ReachedPoses",
     "TargetKey",
-    "Tuned",
+    "TuningResult",
     "check_task",
     "follow",
     "improve",
     "optimise",
-    "out_of_reach",
     "reach",
+    "reach_notes",
     "refuse_winches",
     "tune",
 ]

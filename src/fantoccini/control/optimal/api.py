@@ -34,12 +34,12 @@ from fantoccini.control.optimal.attribution import (
     touch_residual,
 )
 from fantoccini.control.optimal.dynamics import TimeSteps
-from fantoccini.control.optimal.finishing import confirmed, iterate, search_minimum
+from fantoccini.control.optimal.finishing import confirm_event_driven, iterate, search_minimum
 from fantoccini.control.optimal.hybrid import ExactRuns, HybridRuns
 from fantoccini.control.optimal.iterations import Limits
 from fantoccini.control.optimal.multi_start import MAX_RESIDUAL, MultiStartSearch
 from fantoccini.control.optimal.objective import Objective
-from fantoccini.control.optimal.outlook import out_of_reach
+from fantoccini.control.optimal.outlook import reach_notes
 from fantoccini.control.optimal.result import Optimum
 from fantoccini.control.optimal.shooting import EventRuns, StepRuns
 from fantoccini.control.optimal.sqp import Search
@@ -114,70 +114,72 @@ def optimise(
         KeyboardInterrupt: Ctrl-C before a first motion.
     """
     check_positive(tolerance=tolerance, time_limit=time_limit)
-    began = time.perf_counter()
+    start_time = time.perf_counter()
     check_task(task)
     if task.obstacles:
         marionette, obstacles = task.world
         task = replace(task, marionette=marionette, obstacles=obstacles)
-    answered = task
+    original_task = task
     if not task.conditions.slack:
         # The answer keeps the bounds of the task, since plans support none of tension.
-        task = replace(task, bounds=task.bounds.staying_taut(task.marionette, task.x0))
+        task = replace(task, bounds=task.bounds.with_taut_strings(task.marionette, task.x0))
     marionette = task.marionette
-    rotates = bool(marionette.coordinates.rotations)
-    if exact and rotates:
+    has_rotations = bool(marionette.coordinates.rotations)
+    if exact and has_rotations:
         raise StateError("optimise: exact derivatives need driven coordinates that are scalars")
-    chosen = ChosenParameters(marionette, task.x0, task.parameters)
-    pulls = bool(task.bounds.tension or task.bounds.force)
-    pulls = pulls or any(track.kind == "tension" for track in task.tracks)
+    free_parameters = ChosenParameters(marionette, task.x0, task.parameters)
+    uses_tension = bool(task.bounds.tension or task.bounds.force)
+    uses_tension = uses_tension or any(track.kind == "tension" for track in task.tracks)
     has_contact = marionette.contacts is not None
     if exact and has_contact:
         raise StateError("optimise: exact derivatives need a puppet without contact")
     longest = task.durations[1] / task.n_intervals
-    steps = TimeSteps(marionette, task.dt, threads, chosen, pulls, longest)
-    runs: EventRuns = ExactRuns(steps, chosen) if exact else EventRuns(steps, chosen)
+    time_steps = TimeSteps(marionette, task.dt, threads, free_parameters, uses_tension, longest)
+    runs: EventRuns = (
+        ExactRuns(time_steps, free_parameters) if exact else EventRuns(time_steps, free_parameters)
+    )
     if has_contact:
-        runs = StepRuns(steps, chosen)
+        runs = StepRuns(time_steps, free_parameters)
     if task.explore:
-        runs = HybridRuns(steps, chosen)
-    first = first_nodes(task, chosen, task.guess if guess is None else guess)
+        runs = HybridRuns(time_steps, free_parameters)
+    first = first_nodes(task, free_parameters, task.guess if guess is None else guess)
     objective = Objective(task)
-    at = iterate(runs, first, objective)
-    if at is None:
+    motion = iterate(runs, first, objective)
+    if motion is None:
         raise StateError(
             "the first motion cannot be simulated; give a guess whose run arrives at its end"
         )
-    curve, best = [(time.perf_counter() - began, at.cost)], at
+    convergence, best = [(time.perf_counter() - start_time, motion.cost)], motion
 
     # Two searches for each exploration: the exploration itself and its refinement.
-    total = float(iterations * max(1, 2 * task.explore))
+    max_iterations = float(iterations * max(1, 2 * task.explore))
 
-    def note(report: Progress) -> None:
+    def record_progress(report: Progress) -> None:
         nonlocal best
         best = report.best
-        curve.append((time.perf_counter() - began, best.cost))
+        convergence.append((time.perf_counter() - start_time, best.cost))
         if progress is not None:
-            progress(replace(report, done=best.iterations, total=total))
+            progress(replace(report, done=best.iterations, total=max_iterations))
 
-    until = began + time_limit
-    limits = Limits(tolerance, cost_tolerance, iterations, until)
-    search: Search | MultiStartSearch = Search(at, runs, objective, limits)
+    deadline = start_time + time_limit
+    limits = Limits(tolerance, cost_tolerance, iterations, deadline)
+    search: Search | MultiStartSearch = Search(motion, runs, objective, limits)
     if task.explore and isinstance(runs, HybridRuns):
-        search = MultiStartSearch(at, runs, objective, limits, seed)
+        search = MultiStartSearch(motion, runs, objective, limits, seed)
     status = None
     try:
         if has_contact:
-            at = search.run(note)
-            runs, at = confirmed(runs, at, objective, limits, note)
+            motion = search.run(record_progress)
+            runs, motion = confirm_event_driven(runs, motion, objective, limits, record_progress)
         elif task.explore:
-            at = search.run(note)
+            motion = search.run(record_progress)
         else:
-            runs, at = search_minimum(runs, at, objective, limits, note)
+            runs, motion = search_minimum(runs, motion, objective, limits, record_progress)
     except KeyboardInterrupt:
-        at, status = search.best if has_contact else best, AnswerStatus.STOPPED
-    objective, run = search.objective, at.nodes.run
+        motion, status = search.best if has_contact else best, AnswerStatus.STOPPED
+    objective, run = search.objective, motion.nodes.run
     if run is None:  # it was part of a batch, which keeps no run
-        nodes_and_run = runs.run(at.nodes)
+        nodes_and_run = runs.run(motion.nodes)
         if nodes_and_run is None:
             text = "the motion found cannot be simulated again"
             raise SimulationError(Status.NOT_SETTLED, text)
@@ -185,44 +187,44 @@ def optimise(
     if exact and isinstance(runs, ExactRuns) and runs.reasons:
         text = f"the last derivatives were those of time steps: {runs.reasons[-1]}"
         warnings.warn(text, stacklevel=2)
-    touched = objective.touches.closest_approaches(run, at.nodes.parameters)
-    bound = max(
-        largest_bound_violation(objective, at.nodes, at.ends),
-        _clearance_violation(objective, runs, at.nodes),
+    approaches = objective.touches.closest_approaches(run, motion.nodes.parameters)
+    bound_error = max(
+        largest_bound_violation(objective, motion.nodes, motion.ends),
+        _clearance_violation(objective, runs, motion.nodes),
         key=lambda track: track.rank,
     )
-    end = end_residual(objective, at.nodes)
-    worst = max(bound, end, touch_residual(touched), key=lambda track: track.rank)
+    end_error = end_residual(objective, motion.nodes)
+    largest = max(bound_error, end_error, touch_residual(approaches), key=lambda track: track.rank)
     reason = ""
     if has_contact and isinstance(runs, StepRuns):
         status = AnswerStatus.NO_RUN
-    elif not worst.size <= MAX_RESIDUAL:
-        status, reason = AnswerStatus.VIOLATED, worst.text + early_end_note(at, limits)
+    elif not largest.size <= MAX_RESIDUAL:
+        status, reason = AnswerStatus.VIOLATED, largest.text + early_end_note(motion, limits)
     elif status is None:
-        status = search_status(at, limits)
+        status = search_status(motion, limits)
         if status is not AnswerStatus.SOLVED:
-            reason = largest_residual(objective, at, tolerance)
-    if end.size > tolerance and end.text in reason and not len(at.nodes.parameters):
+            reason = largest_residual(objective, motion, tolerance)
+    if end_error.size > tolerance and end_error.text in reason and not len(motion.nodes.parameters):
         with contextlib.suppress(StateError, SimulationError):  # the note is optional
             reason += no_input_note(
-                at.nodes, steps.linearise(at.nodes), objective.end_gap(at.nodes)
+                motion.nodes, time_steps.linearise(motion.nodes), objective.end_gap(motion.nodes)
             )
     return Optimum(
-        answered,
+        original_task,
         status,
         run,
-        at.nodes.inputs(),
-        at.cost,
-        at.kkt,
-        at.stationarity,
-        bound.size,
-        end.size,
-        touched,
-        at.iterations,
-        time.perf_counter() - began,
-        tuple(curve),
+        motion.nodes.inputs(),
+        motion.cost,
+        motion.kkt,
+        motion.stationarity,
+        bound_error.size,
+        end_error.size,
+        approaches,
+        motion.iterations,
+        time.perf_counter() - start_time,
+        tuple(convergence),
         reason,
-        at,
+        motion,
         objective,
         runs,
     )
@@ -282,7 +284,7 @@ def follow(
         conditions=PlanConditions(slack=slack or bool(explore)),
     )
     check_task(task)
-    for text in out_of_reach(task):
+    for text in reach_notes(task):
         warnings.warn(text, stacklevel=2)
     return optimise(task, **options)
 
@@ -307,10 +309,10 @@ def tracks_of(
     table = marionette.coordinates
     tracks = []
     for name, path in targets.items():
-        body, at = name if isinstance(name, tuple) else (name, (0.0, 0.0, 0.0))
+        body, point = name if isinstance(name, tuple) else (name, (0.0, 0.0, 0.0))
         path = _sampled(path, start, duration, 3 if body in bodies else 1)
         if body in bodies:
-            tracks.append(Track.point(body, path, at=at, weight=weight))
+            tracks.append(Track.point(body, path, at=point, weight=weight))
         elif name in (*table.q_D, *table.q_K):
             tracks.append(Track.coordinate(str(name), path, weight=weight))
         else:
@@ -319,26 +321,26 @@ def tracks_of(
     return tracks
 
 
-def refuse_winches(marionette: Marionette, what: str) -> None:
+def refuse_winches(marionette: Marionette, caller: str) -> None:
     """Raises StateError if a winch may slip."""
-    upper = marionette.max_forces
-    winches = [s.name for i, s in enumerate(marionette.tree.strings) if np.isfinite(upper[i])]
+    max_forces = marionette.max_forces
+    winches = [s.name for i, s in enumerate(marionette.tree.strings) if np.isfinite(max_forces[i])]
     if winches:
         raise StateError(
-            f"{what}: the winch of {', '.join(winches)} may slip, which is not differentiated; "
+            f"{caller}: the winch of {', '.join(winches)} may slip, which is not differentiated; "
             "leave max_tension out of the puppet and give bounds of the tension"
         )
 
 
 def _clearance_violation(objective: Objective, runs: EventRuns, nodes: Nodes) -> Residual:
     """The largest violation of the required clearance, also between the nodes."""
-    clear = objective.rows.clear
-    if clear is None:
+    clearances = objective.rows.clearances
+    if clearances is None:
         return NO_RESIDUAL
     nodes_and_run = runs.run(nodes.refined(_CLEARANCE_SAMPLES))
     if nodes_and_run is None:
         return Residual(math.inf, "the run cannot be repeated to measure its clearances")
-    return clearance_residual(clear, nodes_and_run[1])
+    return clearance_residual(clearances, nodes_and_run[1])
 
 
 def check_task(task: Task) -> None:
@@ -368,7 +370,7 @@ def check_task(task: Task) -> None:
         task.bounds.check_end(marionette, task.x0, task.required_end)
 
 
-def first_nodes(task: Task, chosen: ChosenParameters, guess: GuessLike | None) -> Nodes:
+def first_nodes(task: Task, free_parameters: ChosenParameters, guess: GuessLike | None) -> Nodes:
     """The nodes of the first motion, with the accelerations of a guess clipped to their bounds.
 
     If the duration is free, it is that of a plan; otherwise the longest.
@@ -378,28 +380,28 @@ def first_nodes(task: Task, chosen: ChosenParameters, guess: GuessLike | None) -
     """
     _check_guess(guess)
     N, (shortest, longest) = task.n_intervals, task.durations
-    nodes = Nodes.still(task.marionette, task.x0, longest, N)
-    values = chosen.own_values
+    nodes = Nodes.constant(task.marionette, task.x0, longest, N)
+    values = free_parameters.default_values
     if isinstance(guess, Optimum):
         values = np.array(
-            [guess.parameters.get(n, v) for n, v in zip(chosen.names, values, strict=True)]
+            [guess.parameters.get(n, v) for n, v in zip(free_parameters.names, values, strict=True)]
         )
     if isinstance(guess, Optimum):
         if len(guess.nodes) == N and guess.nodes.table is nodes.table:
             interval = min(max(guess.nodes.interval, shortest / N), longest / N)
             nodes = replace(nodes, interval=interval, acc_K=guess.nodes.acc_K)
         else:
-            nodes = Nodes.of_input(task.marionette, task.x0, guess.inputs, longest, N)
+            nodes = Nodes.from_input(task.marionette, task.x0, guess.inputs, longest, N)
     elif isinstance(guess, Input):
-        nodes = Nodes.of_input(task.marionette, task.x0, guess, longest, N)
+        nodes = Nodes.from_input(task.marionette, task.x0, guess, longest, N)
     elif guess is not None:
         duration = min(max(guess.duration, shortest), longest)
-        nodes = Nodes.of_input(task.marionette, task.x0, guess.inputs, duration, N)
+        nodes = Nodes.from_input(task.marionette, task.x0, guess.inputs, duration, N)
     max_acceleration = task.bounds.magnitudes(task.marionette, "acceleration")
     return replace(
         nodes,
         acc_K=np.clip(nodes.acc_K, -max_acceleration, max_acceleration),
-        parameters=np.clip(values, chosen.low, chosen.high),
+        parameters=np.clip(values, free_parameters.low, free_parameters.high),
     )
 
 

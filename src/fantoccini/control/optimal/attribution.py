@@ -15,7 +15,7 @@ from fantoccini.control.optimal.dynamics import Ends, LinearEnds
 from fantoccini.control.optimal.iterations import Limits
 from fantoccini.control.optimal.objective import Objective
 from fantoccini.control.optimal.sqp import Iterate
-from fantoccini.control.tasks import AnswerStatus, Nodes, Touched, entry_names
+from fantoccini.control.tasks import AnswerStatus, ClosestApproach, Nodes, entry_names
 from fantoccini.motion import Trajectory
 
 _MAX_ROUNDING_EFFECT = 1e-9
@@ -64,20 +64,23 @@ def end_residual(objective: Objective, nodes: Nodes) -> Residual:
     return Residual(float(errors[index]), text)
 
 
-def clearance_residual(clear: ClearanceRows, run: Trajectory) -> Residual:
+def clearance_residual(clearances: ClearanceRows, run: Trajectory) -> Residual:
     """The largest violation of the required clearance in a run, with the body or string."""
-    if not len(clear):
+    if not len(clearances):
         return NO_RESIDUAL
-    closest = clear.whole.least(run)
-    name = f"the clearance of {clear.whole.pair_at(closest.q_D, closest.q_K).what}"
-    size = clear.margin - closest.distance
-    return _residual(size, name, closest.t, closest.distance, clear.margin, np.inf)
+    closest = clearances.clearance.least(run)
+    name = f"the clearance of {clearances.clearance.pair_at(closest.q_D, closest.q_K).what}"
+    size = clearances.margin - closest.distance
+    return _residual(size, name, closest.t, closest.distance, clearances.margin, np.inf)
 
 
-def touch_residual(touched: tuple[Touched, ...]) -> Residual:
+def touch_residual(approaches: tuple[ClosestApproach, ...]) -> Residual:
     """The largest distance by which a touch misses its place."""
-    residuals = (Residual(touch.distance, f"{touch}, instead of touching it") for touch in touched)
-    return max(residuals, key=lambda touch: touch.rank, default=NO_RESIDUAL)
+    residuals = (
+        Residual(approach.distance, f"{approach}, instead of touching it")
+        for approach in approaches
+    )
+    return max(residuals, key=lambda approach: approach.rank, default=NO_RESIDUAL)
 
 
 def no_input_note(nodes: Nodes, linear: LinearEnds, gap: Array) -> str:
@@ -92,18 +95,16 @@ def no_input_note(nodes: Nodes, linear: LinearEnds, gap: Array) -> str:
     return "; no input moves it"
 
 
-def largest_residual(objective: Objective, at: Iterate, tolerance: float) -> str:
+def largest_residual(objective: Objective, iterate: Iterate, tolerance: float) -> str:
     """Reason why an iterate is not optimal: error at the end, violated bound, or next step."""
-    bound, end = (
-        largest_bound_violation(objective, at.nodes, at.ends),
-        end_residual(objective, at.nodes),
-    )
-    worst = max(bound, end, key=lambda residual: residual.rank)
-    if worst.size > max(tolerance, at.stationarity) or not np.isfinite(at.stationarity):
-        return worst.text or "the search ended before a step was found"
-    if at.solution is None:
+    bound = largest_bound_violation(objective, iterate.nodes, iterate.ends)
+    end = end_residual(objective, iterate.nodes)
+    largest = max(bound, end, key=lambda residual: residual.rank)
+    if largest.size > max(tolerance, iterate.stationarity) or not np.isfinite(iterate.stationarity):
+        return largest.text or "the search ended before a step was found"
+    if iterate.solution is None:
         return "no step was found"
-    nodes, (_, u, _) = at.nodes, objective.widened(at.solution)
+    nodes, (_, u, _) = iterate.nodes, objective.expanded(iterate.solution)
     i, j = np.unravel_index(int(np.argmax(np.abs(u))), u.shape)
     low, high = objective.limits(nodes.interval).acceleration[j] * np.array([-1.0, 1.0])
     return (
@@ -126,7 +127,7 @@ def _bound_residuals(objective: Objective, nodes: Nodes, ends: Ends) -> Iterator
     max_acceleration[-1] = np.minimum(
         max_acceleration[-1], limits.jump
     )  # the acceleration jumps to 0 at the end
-    positions = nodes.numbers[1:, nodes.splits[1] : nodes.splits[2]]
+    positions = nodes.scalars[1:, nodes.splits[1] : nodes.splits[2]]
     for prefix, values, lowest, highest, t in (
         ("the acceleration of ", nodes.acc_K, -max_acceleration, max_acceleration, nodes.t[:-1]),
         ("the speed of ", nodes.v_K[1:], -limits.speed, limits.speed, nodes.t[1:]),
@@ -154,22 +155,22 @@ def _residual(size: float, name: str, t: float, value: float, low: float, high: 
     )
 
 
-def search_status(at: Iterate, limits: Limits) -> AnswerStatus:
+def search_status(iterate: Iterate, limits: Limits) -> AnswerStatus:
     """Status of a search whose motion keeps its bounds and reaches its end."""
-    if at.kkt <= limits.tolerance:
+    if iterate.kkt <= limits.tolerance:
         return AnswerStatus.SOLVED
-    if at.settled:
+    if iterate.settled:
         return AnswerStatus.SETTLED
-    if at.stalled:
+    if iterate.stalled:
         return AnswerStatus.STALLED
-    is_late = time.perf_counter() > limits.until
+    is_late = time.perf_counter() > limits.deadline
     return AnswerStatus.TIMEOUT if is_late else AnswerStatus.ITERATIONS
 
 
-def early_end_note(at: Iterate, limits: Limits) -> str:
+def early_end_note(iterate: Iterate, limits: Limits) -> str:
     """Note on the limit that ended a search before its motion held; may be empty."""
-    if time.perf_counter() > limits.until:
+    if time.perf_counter() > limits.deadline:
         return "; the time limit ended the search: raise time_limit"
-    if at.iterations >= limits.iterations:
+    if iterate.iterations >= limits.iterations:
         return f"; {limits.iterations} iterations ended the search: allow more"
     return ""

@@ -22,7 +22,7 @@ from fantoccini.dynamics.derivatives import StepInputs, StepOptions, linearise_s
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.kernel.runtime import AnyArray, ClampedOutcome, ClampedStages
 
-_MIN_BARRIER, _FACTORISATIONS = 1e-5, 15
+_MIN_BARRIER, _INTERIOR_POINT_FACTORISATIONS = 1e-5, 15
 """Limits of the interior point method: barrier in units of the cost, and factorisations."""
 _MAX_MULTIPLICATIONS = 4.8e7
 """Multiplications allowed for a program: about 7 ms."""
@@ -31,7 +31,7 @@ MIN_FACTORISATIONS, MAX_FACTORISATIONS = 1.5, 20.0
 
 
 @dataclass(frozen=True, eq=False)
-class Slopes:
+class IntervalDerivatives:
     """Derivatives of a motion for the program of a step.
 
     Attributes:
@@ -63,20 +63,20 @@ class ClampedSteps:
         self._memory: Array | None = None
         self._stages, self._solver = ClampedStages(), StageSolver(1e-6)
 
-    def linearise(self, nodes: Nodes, pulls: bool) -> Slopes:
+    def linearise(self, nodes: Nodes, with_tension: bool) -> IntervalDerivatives:
         """Derivatives of the intervals; those of the dynamic part are kept for :meth:`solve`.
 
         Args:
             nodes: the motion.
-            pulls: whether to compute derivatives of tensions.
+            with_tension: whether to compute derivatives of tensions.
         """
         k = self._marionette.coordinates.n_vK
-        m, dt = self._steps.steps(nodes.interval)
+        m, dt = self._steps.split(nodes.interval)
         x = (nodes.q_D[:-1], nodes.v_D[:-1], nodes.q_K[:-1], nodes.v_K[:-1])
         driven = np.eye(2 * k, 3 * k)[None]
         for j in range(m):
             inputs = StepInputs.of(self._marionette, x, nodes.acc_K, dt=dt)
-            options = StepOptions(pull=pulls and j == 0, threads=self._threads)
+            options = StepOptions(pull=with_tension and j == 0, threads=self._threads)
             step = linearise_steps(self._marionette, inputs, options, self._memory)
             self._memory = step.motion
             self._stages.add_step(step.motion, driven, k, j == 0)
@@ -86,32 +86,39 @@ class ClampedSteps:
             driven = step_driven[..., : 2 * k] @ driven
             driven[..., 2 * k :] += step_driven[..., 2 * k :]
             x = (step.q_D, step.v_D, step.q_K, step.v_K)
-        return Slopes(tension, pull, driven)
+        return IntervalDerivatives(tension, pull, driven)
 
     def solve(
-        self, objective: Objective, nodes: Nodes, slopes: Slopes, damping: float, shift: int
+        self,
+        objective: Objective,
+        nodes: Nodes,
+        interval_derivatives: IntervalDerivatives,
+        damping: float,
+        shift: int,
     ) -> ClampedOutcome:
         """The best changes of the accelerations so far.
 
         Args:
             objective: cost and bounds.
             nodes: the motion, as last linearised.
-            slopes: derivatives from :meth:`linearise`.
+            interval_derivatives: derivatives from :meth:`linearise`.
             damping: damping of the Hessian, in units of the cost.
             shift: number of intervals by which the horizon moved since the last program; -1 for
                 another motion.
         """
         N, k, h = len(nodes), nodes.table.n_vK, nodes.interval
-        per_stage = (nodes.n_z + k) ** 2 * (nodes.n_z - 2 * k)
-        work = min(
-            max(_MAX_MULTIPLICATIONS / per_stage, MIN_FACTORISATIONS * N), MAX_FACTORISATIONS * N
+        stage_multiplications = (nodes.n_z + k) ** 2 * (nodes.n_z - 2 * k)
+        max_stages = min(
+            max(_MAX_MULTIPLICATIONS / stage_multiplications, MIN_FACTORISATIONS * N),
+            MAX_FACTORISATIONS * N,
         )
-        J, diagonal, g = objective.squares(nodes)
-        pulls = list(objective.pulls(nodes, slopes.tension))
-        C, W = np.zeros((N, len(pulls), nodes.n_z + k)), np.zeros((N, len(pulls)))
-        for i, (row, weights, r) in enumerate(pulls):
-            assert slopes.pull is not None
-            derivatives = slopes.pull[:, row, : nodes.n_z + k]
+        J, diagonal, g = objective.gauss_newton_terms(nodes)
+        tension_residuals = list(objective.tension_residuals(nodes, interval_derivatives.tension))
+        C = np.zeros((N, len(tension_residuals), nodes.n_z + k))
+        W = np.zeros((N, len(tension_residuals)))
+        for i, (row, weights, r) in enumerate(tension_residuals):
+            assert interval_derivatives.pull is not None
+            derivatives = interval_derivatives.pull[:, row, : nodes.n_z + k]
             C[:, i], W[:, i] = derivatives, weights
             g[:, :k] += (weights * r)[:, None] * derivatives[:, nodes.n_z :]
             g[:-1, k:] += (weights * r)[1:, None] * derivatives[1:, : nodes.n_z]
@@ -122,21 +129,21 @@ class ClampedSteps:
         if np.any(np.isfinite(bounds.jump)):
             return self._solve_by_interior_point(objective, nodes, damping)
         n = nodes.n_z - 2 * k
-        numbers = nodes.numbers
+        numbers = nodes.scalars
         scalars = {
             "N": N,
             "n_d": n,
             "n_inputs": k,
             "k": len(bounds.inputs),
             "n_squares": J.shape[1],
-            "n_pulls": len(pulls),
+            "n_pulls": len(tension_residuals),
             "n_joints": len(bounds.joint_indices),
             "jerk": objective.task.smooth.jerk / h,
             "h": h,
             "price": objective.price,
             "unit": objective.unit,
             "shift": shift,
-            "most_stages": round(work),
+            "most_stages": round(max_stages),
         }
         arrays: dict[str, AnyArray] = {
             "inputs": bounds.inputs.astype(np.int32),
@@ -158,7 +165,7 @@ class ClampedSteps:
             "joint_low": bounds.joint_low,
             "joint_high": bounds.joint_high,
         }
-        return self._stages.solve(scalars, arrays, slopes.driven)
+        return self._stages.solve(scalars, arrays, interval_derivatives.driven)
 
     def _solve_by_interior_point(
         self, objective: Objective, nodes: Nodes, damping: float
@@ -167,8 +174,11 @@ class ClampedSteps:
         linear.e[:] = 0.0
         program = objective.program(nodes, linear, damping * objective.unit, 0.0)
         solution = self._solver.solve(
-            program, objective.unit, barrier=_MIN_BARRIER, max_iterations=_FACTORISATIONS
+            program,
+            objective.unit,
+            barrier=_MIN_BARRIER,
+            max_iterations=_INTERIOR_POINT_FACTORISATIONS,
         )
-        u = objective.widened(solution)[1]
+        u = objective.expanded(solution)[1]
         n = solution.iterations
         return ClampedOutcome(u, np.nan, n, n * len(nodes), solution.solved)

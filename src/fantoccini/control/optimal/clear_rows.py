@@ -29,33 +29,38 @@ class ClearanceRows:
     Attributes:
         margin: the least clearance [m].
         names: names of the bodies and strings.
-        whole: measures all clearances at once.
+        clearance: measures all clearances at once.
 
     Args:
         marionette: the puppet, with the obstacles of its file.
         margin: see above.
-        own_body: whether bodies of one puppet that no joint connects are kept clear of one another.
+        self_collision: whether bodies of one puppet that no joint connects are kept clear of one
+            another.
         obstacles: obstacles in addition to the puppet's.
         strings: whether strings are kept clear of obstacles, too.
-        free: pairs of names that may touch.
+        allowed_pairs: pairs of names that may touch.
     """
 
     def __init__(
         self,
         marionette: Marionette,
         margin: float,
-        own_body: bool,
+        self_collision: bool,
         obstacles: Iterable[Obstacle | HalfSpace | Mapping[str, Any]] = (),
         *,
         strings: bool = True,
-        free: Collection[frozenset[str]] = (),
+        allowed_pairs: Collection[frozenset[str]] = (),
     ):
         self.margin = margin
-        self.whole = Clearance(
-            marionette, obstacles, strings=strings, self_collision=own_body, free=free
+        self.clearance = Clearance(
+            marionette,
+            obstacles,
+            strings=strings,
+            self_collision=self_collision,
+            free=allowed_pairs,
         )
-        parts = self.whole.parts()
-        self.names, self._parts = tuple(parts), tuple(parts.values())
+        parts = self.clearance.parts()
+        self.names, self._clearances = tuple(parts), tuple(parts.values())
         self._table = marionette.coordinates
         self._cached: tuple[Nodes | None, Array] = (None, np.zeros((0, 0)))
 
@@ -66,7 +71,7 @@ class ClearanceRows:
         """(N, m) clearances [m]."""
         if self._cached[0] is not nodes:
             q_D, q_K = nodes.q_D[1:], nodes.q_K[1:]
-            clearances = [part.at(q_D, q_K) for part in self._parts]
+            clearances = [part.at(q_D, q_K) for part in self._clearances]
             self._cached = nodes, np.stack(clearances, axis=1)
         return self._cached[1]
 
@@ -77,15 +82,19 @@ class ClearanceRows:
         q_D, q_K = nodes.q_D[1:], nodes.q_K[1:]
         derivatives = np.zeros((*value.shape, nodes.n_z))
         step_D, step_K = _DIFFERENCE * np.eye(n)[:, None], _DIFFERENCE * np.eye(k)[:, None]
-        for j, part in enumerate(self._parts):
+        for j, part in enumerate(self._clearances):
             near_nodes = np.flatnonzero(value[:, j] < self.margin + _MAX_MARGIN_EXCESS)
             if not len(near_nodes):
                 continue
-            a, b = q_D[near_nodes], q_K[near_nodes]
-            moved = tangent.moved(t.scalars_D, t.quaternions_D, np.repeat(a[None], n, 0), step_D)
-            by_D = part.at(moved, b) - value[near_nodes, j]
-            moved = tangent.moved(t.scalars_K, t.quaternions_K, np.repeat(b[None], k, 0), step_K)
-            by_K = part.at(a, moved) - value[near_nodes, j]
+            near_q_D, near_q_K = q_D[near_nodes], q_K[near_nodes]
+            perturbed = tangent.moved(
+                t.scalars_D, t.quaternions_D, np.repeat(near_q_D[None], n, 0), step_D
+            )
+            by_D = part.at(perturbed, near_q_K) - value[near_nodes, j]
+            perturbed = tangent.moved(
+                t.scalars_K, t.quaternions_K, np.repeat(near_q_K[None], k, 0), step_K
+            )
+            by_K = part.at(near_q_D, perturbed) - value[near_nodes, j]
             derivatives[near_nodes, j, :n], derivatives[near_nodes, j, 2 * n : 2 * n + k] = (
                 by_D.T / _DIFFERENCE,
                 by_K.T / _DIFFERENCE,
@@ -94,4 +103,4 @@ class ClearanceRows:
 
     def in_run(self, run: Trajectory) -> Array:
         """(T, m) clearances at the samples of a run [m]."""
-        return np.stack([part.of(run) for part in self._parts], axis=1)
+        return np.stack([part.of(run) for part in self._clearances], axis=1)

@@ -43,35 +43,41 @@ class LinearEnds(Ends):
     Attributes:
         A: (N, n_z, n_z) derivatives with respect to the state at the start of an interval.
         B: (N, n_z, n_vK) derivatives with respect to its accelerations.
-        pull: (N, n_rows, n_z + n_vK) derivatives of the tensions.
-        acc: (N, n_vD, n_z + n_vK) derivatives of the accelerations just after the nodes.
-        by_c: (N, n_z, 1 + n_p) derivatives of the ends with respect to the length of the intervals
-            and the chosen parameters.
-        pull_c, acc_c: (N, n_rows or n_vD, 1 + n_p) the same for the tensions and accelerations.
-        start_c: (n_z, 1 + n_p) the same for the start.
+        dtension: (N, n_rows, n_z + n_vK) derivatives of the tensions.
+        dacc: (N, n_vD, n_z + n_vK) derivatives of the accelerations just after the nodes.
+        dend_c: (N, n_z, 1 + n_p) derivatives of the ends with respect to the length of the
+            intervals and the chosen parameters.
+        dtension_c, dacc_c: (N, n_rows or n_vD, 1 + n_p) the same for the tensions and
+            accelerations.
+        dstart_c: (n_z, 1 + n_p) the same for the start.
     """
 
     A: Array
     B: Array
-    pull: Array
-    acc: Array
-    by_c: Array
-    pull_c: Array
-    acc_c: Array
-    start_c: Array
+    dtension: Array
+    dacc: Array
+    dend_c: Array
+    dtension_c: Array
+    dacc_c: Array
+    dstart_c: Array
 
-    def widened(self, c: Indices) -> LinearEnds:
+    def with_constants(self, c: Indices) -> LinearEnds:
         """The same, with constants of the motion as further states, which do not change."""
         N, n_z, _ = self.B.shape
         A = np.zeros((N, n_z + len(c), n_z + len(c)))
-        A[:, :n_z, :n_z], A[:, :n_z, n_z:] = self.A, self.by_c[..., c]
+        A[:, :n_z, :n_z], A[:, :n_z, n_z:] = self.A, self.dend_c[..., c]
         A[:, n_z:, n_z:] = np.eye(len(c))
         pull, acc = (
-            np.concatenate([derivatives[..., :n_z], by_c[..., c], derivatives[..., n_z:]], axis=2)
-            for derivatives, by_c in ((self.pull, self.pull_c), (self.acc, self.acc_c))
+            np.concatenate(
+                [derivatives[..., :n_z], by_constants[..., c], derivatives[..., n_z:]], axis=2
+            )
+            for derivatives, by_constants in (
+                (self.dtension, self.dtension_c),
+                (self.dacc, self.dacc_c),
+            )
         )
         B, e = np.pad(self.B, ((0, 0), (0, len(c)), (0, 0))), np.pad(self.e, ((0, 0), (0, len(c))))
-        return replace(self, A=A, B=B, pull=pull, acc=acc, e=e)
+        return replace(self, A=A, B=B, dtension=pull, dacc=acc, e=e)
 
 
 @dataclass(frozen=True)
@@ -82,8 +88,8 @@ class TimeSteps:
         marionette: the puppet.
         dt: the longest step [s].
         threads: number of threads; all processors for None.
-        chosen: the parameters that motions choose.
-        pulls: whether to compute the tensions' derivatives; otherwise they are 0.
+        free_parameters: the parameters that motions choose.
+        with_tension: whether to compute the tensions' derivatives; otherwise they are 0.
         max_interval: longest interval of a search [s]. All intervals have as many steps as it, so
             that the dynamics are a smooth function of a free duration.
     """
@@ -91,11 +97,11 @@ class TimeSteps:
     marionette: Marionette
     dt: float
     threads: int | None = None
-    chosen: ChosenParameters | None = None
-    pulls: bool = True
+    free_parameters: ChosenParameters | None = None
+    with_tension: bool = True
     max_interval: float | None = None
 
-    def steps(self, interval: float) -> tuple[int, float]:
+    def split(self, interval: float) -> tuple[int, float]:
         """Number of steps in an interval, and their length [s]."""
         max_interval = interval if self.max_interval is None else self.max_interval
         n = max(1, round(max_interval / self.dt + 0.499999))
@@ -109,32 +115,32 @@ class TimeSteps:
         are.
         """
         max_interval = nodes.interval if self.max_interval is None else self.max_interval
-        finer = replace(self, dt=0.5 * min(self.dt, max_interval), pulls=False)
-        m, M = self.steps(nodes.interval)[0], finer.steps(nodes.interval)[0]
-        rough, fine = self.linearise(nodes), finer.linearise(nodes)
+        finer = replace(self, dt=0.5 * min(self.dt, max_interval), with_tension=False)
+        m, M = self.split(nodes.interval)[0], finer.split(nodes.interval)[0]
+        coarse, fine = self.linearise(nodes), finer.linearise(nodes)
         extrapolated = {
-            name: (M * getattr(fine, name) - m * getattr(rough, name)) / (M - m)
-            for name in ("A", "B", "by_c")
+            name: (M * getattr(fine, name) - m * getattr(coarse, name)) / (M - m)
+            for name in ("A", "B", "dend_c")
         }
-        return replace(rough, **extrapolated)
+        return replace(coarse, **extrapolated)
 
     def linearise(self, nodes: Nodes) -> LinearEnds:
         """The ends of the intervals with their derivatives."""
         table, N = self.marionette.coordinates, len(nodes)
         n, k = table.n_vD, table.n_vK
         n_x, n_s = 2 * n + 2 * k, 2 * n + 3 * k
-        m, dt = self.steps(nodes.interval)
+        m, dt = self.split(nodes.interval)
         marionette, parameter_columns = self.marionette, np.zeros(0, dtype=int)
-        if self.chosen:
-            marionette = self.chosen.marionette(nodes.parameters)
-            parameter_columns = n_s + np.array(self.chosen.columns)
+        if self.free_parameters:
+            marionette = self.free_parameters.marionette(nodes.parameters)
+            parameter_columns = n_s + np.array(self.free_parameters.columns)
         columns = np.concatenate([np.arange(n_s), parameter_columns])
         x = (nodes.q_D[:-1], nodes.v_D[:-1], nodes.q_K[:-1], nodes.v_K[:-1])
         settled = np.ones(N, dtype=bool)
         for j in range(m):
             v_before = x[1]
             step = marionette.linearise_steps(
-                *x, nodes.acc_K, dt=dt, pull=self.pulls and j == 0, threads=self.threads
+                *x, nodes.acc_K, dt=dt, pull=self.with_tension and j == 0, threads=self.threads
             )
             x = (step.q_D, step.v_D, step.q_K, step.v_K)
             settled &= step.settled
@@ -162,16 +168,16 @@ class TimeSteps:
         A[:, : 2 * n], B[:, : 2 * n] = X[..., :n_x], X[..., n_x:n_s]
         A[:, 2 * n :, 2 * n :], B[:, 2 * n :] = driven[..., : 2 * k], driven[..., 2 * k :]
         rates = np.concatenate([x[1], (x[1] - v_before) / dt, x[3], nodes.acc_K], axis=1)
-        by_c = np.zeros((N, nodes.n_z, 1 + len(parameter_columns)))
-        by_c[..., 0], by_c[:, : 2 * n, 1:] = rates, X[..., n_s:]
-        pull_c, acc_c = (
+        dend_c = np.zeros((N, nodes.n_z, 1 + len(parameter_columns)))
+        dend_c[..., 0], dend_c[:, : 2 * n, 1:] = rates, X[..., n_s:]
+        dtension_c, dacc_c = (
             np.pad(a[..., parameter_columns], ((0, 0), (0, 0), (1, 0))) for a in (pull, acc)
         )
-        start_c = np.zeros((nodes.n_z, 1 + len(parameter_columns)))
-        if self.chosen:
-            start_c[:, 1:] = self.chosen.start_by(nodes.parameters)
+        dstart_c = np.zeros((nodes.n_z, 1 + len(parameter_columns)))
+        if self.free_parameters:
+            dstart_c[:, 1:] = self.free_parameters.start_derivatives(nodes.parameters)
         return LinearEnds(
-            nodes.between(*x),
+            nodes.changes_to(*x),
             tension,
             taut,
             settled,
@@ -179,8 +185,8 @@ class TimeSteps:
             B,
             pull[..., :n_s],
             acc[..., :n_s],
-            by_c,
-            pull_c,
-            acc_c,
-            start_c,
+            dend_c,
+            dtension_c,
+            dacc_c,
+            dstart_c,
         )

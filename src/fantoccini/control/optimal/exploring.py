@@ -22,7 +22,7 @@ from fantoccini.base import ARRIVED, N_COEF, Array, Indices, OnProgress, Progres
 from fantoccini.control.optimal.dynamics import Ends
 from fantoccini.control.optimal.objective import Objective
 from fantoccini.control.optimal.sqp import Iterate
-from fantoccini.control.tasks import DrivenConditions, Nodes, hats
+from fantoccini.control.tasks import DrivenConditions, Nodes, hat_functions
 from fantoccini.dynamics.simulation import simulate_batch
 from fantoccini.motion import Inputs
 
@@ -45,20 +45,20 @@ class ExploringSettings:
     first_near_spread: float = 0.1
     n_near_generations: int = 10
     """First spread and number of generations near a motion that almost holds."""
-    memory: float = 0.3
+    smoothing: float = 0.3
     """Share of the last generation in mean and spread of the next."""
     prices: tuple[float, float] = (1e2, 1e4)
     """Price of gaps and violated bounds, in the first generation and the last."""
     velocity_time_share: float = 0.2
     """Time by which velocity errors are multiplied in the gap, relative to the duration."""
-    n_endings: int = 2
+    n_projections: int = 2
     """Number of projections of a motion onto its end, and back into its bounds."""
 
 
 SETTINGS = ExploringSettings()
 _MIN_UNIT = 1e-12
 """Smallest unit of a cost or a gap."""
-_SAVED = ("q_D", "v_D", "tension", "limit_force")
+_SAVED_QUANTITIES = ("q_D", "v_D", "tension", "limit_force")
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,11 +78,11 @@ class DrawnMotions:
     gap: Array
     violation: Array
 
-    def part(self, indices: Indices) -> DrawnMotions:
+    def selected(self, indices: Indices) -> DrawnMotions:
         """The motions with these indices."""
-        return DrawnMotions(*(a[indices] for a in vars(self).values()))
+        return DrawnMotions(*(array[indices] for array in vars(self).values()))
 
-    def joined(self, other: DrawnMotions) -> DrawnMotions:
+    def followed_by(self, other: DrawnMotions) -> DrawnMotions:
         """These motions, followed by others."""
         pairs = zip(vars(self).values(), vars(other).values(), strict=True)
         return DrawnMotions(*(np.concatenate(pair) for pair in pairs))
@@ -92,29 +92,33 @@ class Exploration:
     """A search for motions around a first one, through slack and catches.
 
     Args:
-        first: the motion around which others are drawn; it also sets the duration if that is free.
+        initial: the motion around which others are drawn; it also sets the duration if that is
+            free.
         objective: cost and bounds.
         rng: generator of the random numbers.
         threads: number of threads; all processors for None.
-        until: end of the search, by ``time.perf_counter`` [s].
-        near: whether the first motion almost holds.
+        deadline: end of the search, by ``time.perf_counter`` [s].
+        is_near: whether the first motion almost holds.
     """
 
     def __init__(
         self,
-        first: Nodes,
+        initial: Nodes,
         objective: Objective,
         rng: np.random.Generator,
         threads: int | None = None,
-        until: float = np.inf,
-        near: bool = False,
+        deadline: float = np.inf,
+        is_near: bool = False,
     ):
-        self._near = near
-        self._first, self._objective, self._rng, self._until = first, objective, rng, until
-        self._threads, self._driven = threads, DrivenConditions.of(objective.task)
-        n, k, T = first.table.n_vD, first.table.n_vK, first.interval * len(first)
+        self._is_near = is_near
+        self._initial = initial
+        self._objective = objective
+        self._rng = rng
+        self._deadline = deadline
+        self._threads, self._driven = threads, DrivenConditions.from_task(objective.task)
+        n, k, T = initial.table.n_vD, initial.table.n_vK, initial.interval * len(initial)
         self._gap_scale = np.repeat([1.0, SETTINGS.velocity_time_share * T] * 2, [n, n, k, k])
-        self._hats = hats(len(first), min(SETTINGS.n_knots, len(first)))
+        self._basis = hat_functions(len(initial), min(SETTINGS.n_knots, len(initial)))
 
     def run(self, progress: OnProgress | None = None) -> Iterate | None:
         """The best motion of all generations; None if no run arrived at its end.
@@ -125,53 +129,55 @@ class Exploration:
         Raises:
             KeyboardInterrupt: Ctrl-C, also during a batch.
         """
-        moves = self._driven.moves
+        moves = self._driven.movable
         max_acceleration = self._driven.scale[moves]
-        mean = np.zeros((self._hats.shape[1], len(moves)))
-        first_spread = SETTINGS.first_near_spread if self._near else SETTINGS.first_spread
-        generations = SETTINGS.n_near_generations if self._near else SETTINGS.n_generations
+        mean = np.zeros((self._basis.shape[1], len(moves)))
+        first_spread = SETTINGS.first_near_spread if self._is_near else SETTINGS.first_spread
+        generations = SETTINGS.n_near_generations if self._is_near else SETTINGS.n_generations
         spread = first_spread * max_acceleration + 0.0 * mean
         units: tuple[float, float] | None = None
         best: DrawnMotions | None = None
-        low, high = SETTINGS.prices
+        first_price, last_price = SETTINGS.prices
         for g in range(generations):
-            if time.perf_counter() > self._until:
+            if time.perf_counter() > self._deadline:
                 break
             noise = self._rng.standard_normal((SETTINGS.n_runs, *mean.shape))
             noise[0] = 0.0
-            drawn = self._simulated(mean + spread * noise)
-            drawn = drawn if best is None else best.joined(drawn)
-            arrived = np.flatnonzero(np.isfinite(drawn.cost))
+            motions = self._simulate(mean + spread * noise)
+            motions = motions if best is None else best.followed_by(motions)
+            arrived = np.flatnonzero(np.isfinite(motions.cost))
             if not len(arrived):
                 spread = 0.5 * spread  # more of the slower motions arrive
                 continue
             if units is None:
-                J, gap = np.median(drawn.cost[arrived]), np.median(drawn.gap[arrived])
+                J, gap = np.median(motions.cost[arrived]), np.median(motions.gap[arrived])
                 units = max(float(J), _MIN_UNIT), max(float(gap), _MIN_UNIT)
-            price = low * (high / low) ** (1.0 if self._near else g / (generations - 1))
-            merit = drawn.cost / units[0] + price * (drawn.gap / units[1] + drawn.violation)
+            price = first_price * (last_price / first_price) ** (
+                1.0 if self._is_near else g / (generations - 1)
+            )
+            merit = motions.cost / units[0] + price * (motions.gap / units[1] + motions.violation)
             order = np.argsort(merit, kind="stable")[: min(SETTINGS.n_best, len(arrived))]
-            best = drawn.part(order)
-            memory = SETTINGS.memory
-            mean = memory * mean + (1.0 - memory) * np.mean(best.theta, axis=0)
-            spread = memory * spread + (1.0 - memory) * np.std(best.theta, axis=0)
+            best = motions.selected(order)
+            smoothing = SETTINGS.smoothing
+            mean = smoothing * mean + (1.0 - smoothing) * np.mean(best.theta, axis=0)
+            spread = smoothing * spread + (1.0 - smoothing) * np.std(best.theta, axis=0)
             if progress is not None:
                 progress(Progress(done=g + 1, total=generations, best=self._iterate(best)))
             if np.mean(spread / max_acceleration) < SETTINGS.min_spread:
                 break
         return None if best is None else self._iterate(best)
 
-    def _simulated(self, theta: Array) -> DrawnMotions:
+    def _simulate(self, theta: Array) -> DrawnMotions:
         """The motions of drawn numbers."""
-        driven, first, h = self._driven, self._first, self._first.interval
-        acc_K = np.repeat(first.acc_K[None], len(theta), axis=0)
-        acc_K[:, :, driven.moves] += self._hats @ theta
-        acc_K = driven.within(acc_K, h)
-        for _ in range(SETTINGS.n_endings):
-            acc_K = driven.within(driven.ending(acc_K, h), h)
-        motions = self._motions(acc_K)
+        driven, initial, h = self._driven, self._initial, self._initial.interval
+        acc_K = np.repeat(initial.acc_K[None], len(theta), axis=0)
+        acc_K[:, :, driven.movable] += self._basis @ theta
+        acc_K = driven.clipped(acc_K, h)
+        for _ in range(SETTINGS.n_projections):
+            acc_K = driven.clipped(driven.projected_onto_end(acc_K, h), h)
+        runs = self._motions(acc_K)
         cost, gap, violation = (np.full(len(theta), np.inf) for _ in range(3))
-        for i, motion in enumerate(motions):
+        for i, motion in enumerate(runs):
             if motion is not None:
                 nodes, ends = motion
                 scaled_gap = self._gap_scale * self._objective.end_gap(nodes)
@@ -181,15 +187,15 @@ class Exploration:
 
     def _motions(self, acc_K: Array) -> list[tuple[Nodes, Ends] | None]:
         """The nodes of runs, and their intervals; None for a run that did not arrive."""
-        first, task, N = self._first, self._objective.task, len(self._first)
-        inputs, q_K, v_K = _inputs(first, acc_K)
+        initial, task, N = self._initial, self._objective.task, len(self._initial)
+        inputs, q_K, v_K = _inputs(initial, acc_K)
         runs = simulate_batch(
             task.marionette,
             task.x0,
             inputs,
-            first.t[-1],
-            save_at=first.t,
-            save=_SAVED,
+            initial.t[-1],
+            save_at=initial.t,
+            save=_SAVED_QUANTITIES,
             threads=self._threads,
         )
         if np.any(runs.status == Status.STOPPED):
@@ -200,7 +206,7 @@ class Exploration:
         for i in np.flatnonzero(np.isin(runs.status, ARRIVED)):
             assert runs.q_D is not None and runs.v_D is not None
             nodes = replace(
-                first, q_D=runs.q_D[i], v_D=runs.v_D[i], q_K=q_K[i], v_K=v_K[i], acc_K=acc_K[i]
+                initial, q_D=runs.q_D[i], v_D=runs.v_D[i], q_K=q_K[i], v_K=v_K[i], acc_K=acc_K[i]
             )
             e, pull = np.zeros((N, nodes.n_z)), force[i]
             motions[i] = nodes, Ends(e, pull, pull > 0.0, np.ones(N, dtype=bool))
@@ -215,19 +221,21 @@ class Exploration:
         return Iterate(nodes, ends, float(best.cost[0]), defect=float(np.max(np.abs(gap))))
 
 
-def _inputs(first: Nodes, acc_K: Array) -> tuple[Inputs, Array, Array]:
+def _inputs(initial: Nodes, acc_K: Array) -> tuple[Inputs, Array, Array]:
     """Inputs with constant accelerations, and their (n, N + 1, ...) values and velocities.
 
     All driven coordinates are scalars.
     """
-    table, h = first.table, first.interval
+    table, h = initial.table, initial.interval
     n, N, k = acc_K.shape
-    v_K = np.concatenate([np.zeros((n, 1, k)), np.cumsum(h * acc_K, axis=1)], axis=1) + first.v_K[0]
-    q_K = np.tile(first.q_K[0], (n, N + 1, 1))
+    v_K = (
+        np.concatenate([np.zeros((n, 1, k)), np.cumsum(h * acc_K, axis=1)], axis=1) + initial.v_K[0]
+    )
+    q_K = np.tile(initial.q_K[0], (n, N + 1, 1))
     coefficients = np.zeros((n, N, k, N_COEF))
     coefficients[..., 1], coefficients[..., 2] = v_K[:, :-1], 0.5 * acc_K
     for q, v in table.scalars_K:
         q_K[:, 1:, q] += np.cumsum(0.5 * h * (v_K[:, 1:, v] + v_K[:, :-1, v]), axis=1)
         coefficients[..., v, 0] = q_K[:, :-1, q]
     named = np.ones((1, k), dtype=bool)
-    return Inputs(table, first.t[None], coefficients, q_K[:, :-1], named), q_K, v_K
+    return Inputs(table, initial.t[None], coefficients, q_K[:, :-1], named), q_K, v_K

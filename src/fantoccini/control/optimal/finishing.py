@@ -45,44 +45,52 @@ def iterate(runs: EventRuns, nodes: Nodes, objective: Objective) -> Iterate | No
 
 
 def search_minimum(
-    runs: EventRuns, at: Iterate, objective: Objective, limits: Limits, note: OnProgress
+    runs: EventRuns, motion: Iterate, objective: Objective, limits: Limits, progress: OnProgress
 ) -> tuple[EventRuns, Iterate]:
     """The best motion of searches with time steps, exact derivatives, and perturbed solutions.
 
     Driven rotations have no exact derivatives.
     """
-    rotates = bool(objective.task.marionette.coordinates.rotations)
-    is_fine = rotates or isinstance(runs, ExactRuns)
-    finer = runs if is_fine else ExactRuns(runs.steps, runs.chosen)
-    solved = None
+    has_rotations = bool(objective.task.marionette.coordinates.rotations)
+    is_fine = has_rotations or isinstance(runs, ExactRuns)
+    exact_runs = runs if is_fine else ExactRuns(runs.steps, runs.free_parameters)
+    optimum = None
     for n_restarts in range(1 + _MAX_RESTARTS):
         if not is_fine:
-            at = _search_by_steps(runs, at, objective, limits, note)
-        at = _search_exactly(finer, at, objective, limits, note)
-        if at.kkt > limits.tolerance:
+            motion = _search_by_steps(runs, motion, objective, limits, progress)
+        motion = _search_exactly(exact_runs, motion, objective, limits, progress)
+        if motion.kkt > limits.tolerance:
             break
-        solved = at
+        optimum = motion
         if n_restarts == _MAX_RESTARTS:
             break
-        restarted = restart_from_perturbed(runs, at, objective, limits.until)
+        restarted = restart_from_perturbed(runs, motion, objective, limits.deadline)
         if restarted is None:
             break
-        at = replace(
-            restarted, iterations=at.iterations, stationarity=np.inf, stalled=False, settled=False
+        motion = replace(
+            restarted,
+            iterations=motion.iterations,
+            stationarity=np.inf,
+            stalled=False,
+            settled=False,
         )
-    if solved is not None and at.kkt > limits.tolerance and is_worse(at, solved, objective):
-        at = replace(solved, iterations=at.iterations)
-    return finer, at
+    if (
+        optimum is not None
+        and motion.kkt > limits.tolerance
+        and is_worse(motion, optimum, objective)
+    ):
+        motion = replace(optimum, iterations=motion.iterations)
+    return exact_runs, motion
 
 
 def _search_by_steps(
-    runs: EventRuns, at: Iterate, objective: Objective, limits: Limits, note: OnProgress
+    runs: EventRuns, motion: Iterate, objective: Objective, limits: Limits, progress: OnProgress
 ) -> Iterate:
     """The result of a search with derivatives of time steps, by half of the remaining iterations.
 
     It ends earlier if the derivatives do not predict the decrease of the cost.
     """
-    n_iterations = (limits.iterations - at.iterations + 1) // 2
+    n_iterations = (limits.iterations - motion.iterations + 1) // 2
     tolerance = max(limits.cost_tolerance, COARSE_COST_TOLERANCE)
     limits = replace(
         limits,
@@ -90,11 +98,11 @@ def _search_by_steps(
         iterations=n_iterations,
         damping=SETTINGS.max_settled_damping,
     )
-    return Search(at, runs, objective, limits).run(note)
+    return Search(motion, runs, objective, limits).run(progress)
 
 
 def _search_exactly(
-    runs: EventRuns, coarse: Iterate, objective: Objective, limits: Limits, note: OnProgress
+    runs: EventRuns, coarse: Iterate, objective: Objective, limits: Limits, progress: OnProgress
 ) -> Iterate:
     """The result of a search continued with exact derivatives of the run.
 
@@ -103,60 +111,60 @@ def _search_exactly(
     start = Iterate(
         coarse.nodes, coarse.ends, coarse.cost, iterations=coarse.iterations, force=coarse.force
     )
-    remaining = replace(limits, iterations=limits.iterations - coarse.iterations)
-    at = Search(start, runs, objective, remaining).run(note)
-    if at.kkt > limits.tolerance and is_worse(at, coarse, objective):
+    remaining_limits = replace(limits, iterations=limits.iterations - coarse.iterations)
+    motion = Search(start, runs, objective, remaining_limits).run(progress)
+    if motion.kkt > limits.tolerance and is_worse(motion, coarse, objective):
         # The residual by time steps does not apply to the run; keep the exact one.
-        stationarity = max(coarse.stationarity, at.stationarity)
-        at = replace(
+        stationarity = max(coarse.stationarity, motion.stationarity)
+        motion = replace(
             coarse,
             stationarity=stationarity,
-            solution=at.solution,
-            iterations=at.iterations,
-            stalled=at.stalled,
-            settled=at.settled,
+            solution=motion.solution,
+            iterations=motion.iterations,
+            stalled=motion.stalled,
+            settled=motion.settled,
         )
-    return at
+    return motion
 
 
 def restart_from_perturbed(
-    runs: EventRuns, at: Iterate, objective: Objective, until: float
+    runs: EventRuns, motion: Iterate, objective: Objective, until: float
 ) -> Iterate | None:
     """A motion of lower cost, searched from a perturbed solution; None if there is none.
 
     The conditions of optimality also hold at saddles, for instance if everything hangs still and
     changes have no first-order effect. Costs include the error of the end by its multipliers.
     """
-    nodes, driven = at.nodes, DrivenConditions.of(objective.task)
+    nodes, driven = motion.nodes, DrivenConditions.from_task(objective.task)
     noise = np.random.default_rng(0).uniform(-_PERTURBATION, _PERTURBATION, nodes.acc_K.shape)
     noise[:, driven.max_acceleration == 0.0] = 0.0
-    perturbed = driven.within((nodes.acc_K + driven.scale * noise)[None], nodes.interval)[0]
-    limited_runs = EventRuns(runs.steps, runs.chosen, until)
+    perturbed = driven.clipped((nodes.acc_K + driven.scale * noise)[None], nodes.interval)[0]
+    limited_runs = EventRuns(runs.steps, runs.free_parameters, until)
     start = iterate(limited_runs, replace(nodes, acc_K=perturbed, run=None), objective)
     if start is None:
         return None
-    start.force = at.force
+    start.force = motion.force
     result = Search(
         start, limited_runs, objective, Limits(0.0, 0.0, _RESTART_ITERATIONS, until)
     ).run()
-    saved = merit(objective, at, at.force) - merit(objective, result, at.force)
-    return result if saved > _MIN_COST_DECREASE * abs(at.cost) else None
+    saved = merit(objective, motion, motion.force) - merit(objective, result, motion.force)
+    return result if saved > _MIN_COST_DECREASE * abs(motion.cost) else None
 
 
-def is_worse(at: Iterate, before: Iterate, objective: Objective) -> bool:
+def is_worse(motion: Iterate, previous: Iterate, objective: Objective) -> bool:
     """Whether a motion violates more than an earlier one, or costs more if both hold."""
     error, error_before = (
-        float(np.max(np.abs(objective.gap(iterate_.nodes)), initial=0.0))
-        + largest_bound_violation(objective, iterate_.nodes, iterate_.ends).size
-        for iterate_ in (at, before)
+        float(np.max(np.abs(objective.gap(candidate.nodes)), initial=0.0))
+        + largest_bound_violation(objective, candidate.nodes, candidate.ends).size
+        for candidate in (motion, previous)
     )
     if max(error, error_before) <= MAX_RESIDUAL:
-        return at.cost > before.cost + _SAME_COST * abs(before.cost)
+        return motion.cost > previous.cost + _SAME_COST * abs(previous.cost)
     return error > max(error_before, MAX_RESIDUAL)
 
 
-def confirmed(
-    runs: EventRuns, at: Iterate, objective: Objective, limits: Limits, note: OnProgress
+def confirm_event_driven(
+    runs: EventRuns, motion: Iterate, objective: Objective, limits: Limits, progress: OnProgress
 ) -> tuple[EventRuns, Iterate]:
     """The event-driven run of a motion of time steps, improved if there is time for it.
 
@@ -164,14 +172,14 @@ def confirmed(
     """
     start_time = time.perf_counter()
     event_runs = EventRuns(
-        runs.steps, runs.chosen, max(limits.until, start_time + _CONFIRMATION_TIME)
+        runs.steps, runs.free_parameters, max(limits.deadline, start_time + _CONFIRMATION_TIME)
     )
-    event_iterate = iterate(event_runs, at.nodes, objective)
+    event_iterate = iterate(event_runs, motion.nodes, objective)
     if event_iterate is None:
-        return runs, at
+        return runs, motion
     end_time = time.perf_counter()
     event_iterate = replace(
-        at,
+        motion,
         nodes=event_iterate.nodes,
         ends=event_iterate.ends,
         cost=event_iterate.cost,
@@ -179,6 +187,6 @@ def confirmed(
         stalled=False,
         settled=False,
     )
-    if limits.until - end_time > _MIN_REMAINING_RUNS * (end_time - start_time):
-        event_iterate = Search(event_iterate, event_runs, objective, limits).run(note)
-    return replace(event_runs, until=np.inf), event_iterate
+    if limits.deadline - end_time > _MIN_REMAINING_RUNS * (end_time - start_time):
+        event_iterate = Search(event_iterate, event_runs, objective, limits).run(progress)
+    return replace(event_runs, deadline=np.inf), event_iterate

@@ -31,19 +31,19 @@ class ForceRows:
 
     Args:
         task: see :class:`Task`.
-        chosen: the parameters chosen along with the motion.
-        c: indices of the motion's constants that are variables of programs.
+        free_parameters: the parameters chosen along with the motion.
+        constant_indices: indices of the motion's constants that are variables of programs.
     """
 
-    def __init__(self, task: Task, chosen: ChosenParameters, c: Indices):
+    def __init__(self, task: Task, free_parameters: ChosenParameters, constant_indices: Indices):
         self._columns, self.low, self.high = task.bounds.forces(task.marionette)
         self.names = tuple(task.bounds.force)
-        self._chosen, self._c = chosen, c
+        self._free_parameters, self._constant_indices = free_parameters, constant_indices
 
     def __len__(self) -> int:
         return len(self._columns)
 
-    def value(self, nodes: Nodes, ends: Ends) -> Array:
+    def value(self, nodes: Nodes, forces_at_steps: Ends) -> Array:
         """(N, m) forces [N or N m].
 
         Raises:
@@ -51,9 +51,10 @@ class ForceRows:
         """
         if not len(self):
             return np.zeros((len(nodes), 0))
-        marionette, zeros = self._chosen.marionette(nodes.parameters), np.zeros((1, nodes.n_z))
+        marionette = self._free_parameters.marionette(nodes.parameters)
+        zeros = np.zeros((1, nodes.n_z))
         acc_D, u = _accelerations(nodes), np.zeros((1, nodes.acc_K.shape[1]))
-        return self._changed_values(marionette, nodes, zeros, u, acc_D, ends.tension)[0]
+        return self._changed_values(marionette, nodes, zeros, u, acc_D, forces_at_steps.tension)[0]
 
     def derivatives(self, nodes: Nodes, linear: LinearEnds) -> Array:
         """(N, m, n_z + n_c + n_vK) derivatives by the state, constants and accelerations."""
@@ -66,34 +67,38 @@ class ForceRows:
         columns = np.concatenate([np.arange(n_z), n_z + n_c + np.arange(k)])
         steps = _DIFFERENCE * np.eye(n_z + k)
         # (n, N, ...) for all directions
-        acc, pull = (np.moveaxis(a[..., columns], 2, 0) for a in (linear.acc, linear.pull))
-        marionette = self._chosen.marionette(nodes.parameters)
-        ends = [
+        dacc, dtension = (
+            np.moveaxis(array[..., columns], 2, 0) for array in (linear.dacc, linear.dtension)
+        )
+        marionette = self._free_parameters.marionette(nodes.parameters)
+        forces_at_steps = [
             self._changed_values(
                 marionette,
                 nodes,
                 sign * steps[:, :n_z],
                 sign * steps[:, n_z:],
-                acc_D + sign * _DIFFERENCE * acc,
-                linear.tension + sign * _DIFFERENCE * pull,
+                acc_D + sign * _DIFFERENCE * dacc,
+                linear.tension + sign * _DIFFERENCE * dtension,
             )
             for sign in (-1.0, 1.0)
         ]
-        derivatives[..., columns] = np.moveaxis(ends[1] - ends[0], 0, 2) / (2.0 * _DIFFERENCE)
-        neighbours = self._chosen.neighbours(nodes.parameters)
+        derivatives[..., columns] = np.moveaxis(forces_at_steps[1] - forces_at_steps[0], 0, 2) / (
+            2.0 * _DIFFERENCE
+        )
+        neighbours = self._free_parameters.neighbours(nodes.parameters)
         zeros, u = np.zeros((1, n_z)), np.zeros((1, k))
-        for j, i in enumerate(self._c):
+        for j, i in enumerate(self._constant_indices):
             if i == 0:  # the length of intervals does not affect the values at a node
                 continue
             forces = [
                 self._changed_values(
-                    self._chosen.marionette(p),
+                    self._free_parameters.marionette(p),
                     nodes,
                     zeros,
                     u,
-                    acc_D + (p[i - 1] - nodes.parameters[i - 1]) * linear.acc[..., n_z + j],
+                    acc_D + (p[i - 1] - nodes.parameters[i - 1]) * linear.dacc[..., n_z + j],
                     linear.tension
-                    + (p[i - 1] - nodes.parameters[i - 1]) * linear.pull[..., n_z + j],
+                    + (p[i - 1] - nodes.parameters[i - 1]) * linear.dtension[..., n_z + j],
                 )[0]
                 for p in neighbours[i - 1]
             ]
@@ -106,8 +111,8 @@ class ForceRows:
     ) -> Array:
         """(n, N, m) forces for n changes z and u of states and accelerations."""
         shape = (len(z), len(nodes))
-        parts = (*nodes.changed_states(z), acc_D, nodes.acc_K + u[:, None], tension)
-        arguments = [np.broadcast_to(a, (*shape, a.shape[-1])) for a in parts]
+        parts = (*nodes.perturbed_states(z), acc_D, nodes.acc_K + u[:, None], tension)
+        arguments = [np.broadcast_to(array, (*shape, array.shape[-1])) for array in parts]
         return np.asarray(marionette.effort(*arguments)[..., self._columns])
 
 

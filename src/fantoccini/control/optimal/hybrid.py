@@ -15,7 +15,7 @@ import numpy as np
 
 from fantoccini.base import Array, SimulationError, StateError, Status
 from fantoccini.control.optimal.dynamics import Ends, LinearEnds
-from fantoccini.control.optimal.shooting import EventRuns, uninterrupted
+from fantoccini.control.optimal.shooting import EventRuns, simulate_uninterrupted
 from fantoccini.control.tasks import Nodes
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.dynamics.simulation import interval_derivatives
@@ -34,21 +34,21 @@ class HybridRuns(EventRuns):
         Raises:
             SimulationError, StateError: catch without a derivative.
         """
-        marionette, inputs = self.chosen.marionette(nodes.parameters), nodes.inputs()
-        x0 = self.chosen.start(nodes.parameters)
-        run = uninterrupted(marionette, x0, inputs, nodes.t[-1])  # with samples at breaks
+        marionette, inputs = self.free_parameters.marionette(nodes.parameters), nodes.inputs()
+        x0 = self.free_parameters.start(nodes.parameters)
+        run = simulate_uninterrupted(marionette, x0, inputs, nodes.t[-1])  # with samples at breaks
         if run.status is not Status.DONE:
             raise SimulationError(run.status, f"at t = {run.t[-1]:.6g} s")
         derivatives = interval_derivatives(marionette, run, inputs)
         sample = np.searchsorted(run.t, nodes.t[1:] - _SAME_TIME)  # breaks and events have two
         rates = (run.v_D[sample], run.acc_D[sample], run.v_K[sample], nodes.acc_K)
         N, n_s = len(nodes), nodes.n_z + nodes.acc_K.shape[1]
-        columns = self.chosen.columns
+        columns = self.free_parameters.columns
         n_p = len(marionette.p)
         pull = np.zeros((N, ends.tension.shape[1], n_s + n_p))
         acc = np.zeros((N, nodes.v_D.shape[1], n_s + n_p))
-        if self.steps.pulls:
-            pull, acc = _pulls(marionette, run, nodes)
+        if self.steps.with_tension:
+            pull, acc = _tension_derivatives(marionette, run, nodes)
         by_p, zeros = derivatives.C[..., columns], np.zeros((nodes.n_z, 1))
         return LinearEnds(
             ends.e,
@@ -59,10 +59,12 @@ class HybridRuns(EventRuns):
             derivatives.B,
             pull[..., :n_s],
             acc[..., :n_s],
-            by_c=np.concatenate([np.concatenate(rates, axis=1)[..., None], by_p], axis=2),
-            pull_c=np.pad(pull[..., n_s:][..., columns], ((0, 0), (0, 0), (1, 0))),
-            acc_c=np.pad(acc[..., n_s:][..., columns], ((0, 0), (0, 0), (1, 0))),
-            start_c=np.concatenate([zeros, self.chosen.start_by(nodes.parameters)], axis=1),
+            dend_c=np.concatenate([np.concatenate(rates, axis=1)[..., None], by_p], axis=2),
+            dtension_c=np.pad(pull[..., n_s:][..., columns], ((0, 0), (0, 0), (1, 0))),
+            dacc_c=np.pad(acc[..., n_s:][..., columns], ((0, 0), (0, 0), (1, 0))),
+            dstart_c=np.concatenate(
+                [zeros, self.free_parameters.start_derivatives(nodes.parameters)], axis=1
+            ),
         )
 
 
@@ -77,7 +79,7 @@ class ExactRuns(HybridRuns):
 
     reasons: list[str] = field(default_factory=list, compare=False)
 
-    def has(self, nodes: Nodes, ends: Ends) -> bool:
+    def has_derivatives(self, nodes: Nodes, ends: Ends) -> bool:
         """Whether a motion has exact derivatives."""
         try:
             super().linearise(nodes, ends)
@@ -95,7 +97,9 @@ class ExactRuns(HybridRuns):
             return EventRuns.linearise(self, nodes, ends)
 
 
-def _pulls(marionette: Marionette, run: Trajectory, nodes: Nodes) -> tuple[Array, Array]:
+def _tension_derivatives(
+    marionette: Marionette, run: Trajectory, nodes: Nodes
+) -> tuple[Array, Array]:
     """(N, n_rows or n_vD, n_z + n_vK + n_p) derivatives of tensions and accelerations at nodes."""
     samples = np.searchsorted(run.t, nodes.t[:-1] + _SAME_TIME, side="right") - 1
     names, two_sided = marionette.tree.row_names, marionette.two_sided
@@ -103,8 +107,8 @@ def _pulls(marionette: Marionette, run: Trajectory, nodes: Nodes) -> tuple[Array
     acc: list[Array] = []
     for i, acc_K in zip(samples, nodes.acc_K, strict=True):
         has_force = run.limit_force.values[i] > 0.0
-        held = np.concatenate([run.taut.values[i], has_force]) | two_sided
-        rows = [name for name, is_held in zip(names, held, strict=True) if is_held]
+        is_active = np.concatenate([run.taut.values[i], has_force]) | two_sided
+        rows = [name for name, active in zip(names, is_active, strict=True) if active]
         linear = marionette.linearise(run.state(int(i)), acc_K, rows=rows)
         for blocks, derivatives in ((pull, linear.pull), (acc, linear.acc)):
             blocks.append(

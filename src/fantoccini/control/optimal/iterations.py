@@ -83,14 +83,14 @@ class Limits:
         cost_tolerance: relative decrease of the cost that counts as small; several such steps in a
             row end the iteration.
         iterations: largest number of iterations.
-        until: time of ``time.perf_counter`` at which the iteration ends [s].
+        deadline: time of ``time.perf_counter`` at which the iteration ends [s].
         damping: damping of the Hessian above which the iteration ends.
     """
 
     tolerance: float
     cost_tolerance: float
     iterations: int
-    until: float = np.inf
+    deadline: float = np.inf
     damping: float = np.inf
 
 
@@ -116,7 +116,7 @@ def improve(
         best = method.best
         if progress is not None:
             progress(Progress(done=best.iterations, total=limits.iterations, best=best))
-        if best.stalled or best.settled or time.perf_counter() > limits.until:
+        if best.stalled or best.settled or time.perf_counter() > limits.deadline:
             break
     return method.best
 

@@ -64,8 +64,8 @@ def _ordered_times(
         low, high = windows[k].low, windows[k].high
         t = np.linspace(low, high, max(9, int(np.ceil((high - low) / step)) + 1))
         middle = (k + 1) / (len(windows) + 1)
-        share = np.linspace(0.0, 1.0, len(t)) - middle
-        cost = np.sum(np.square(offsets(k, t)), axis=1) + _SPREAD_WEIGHT * np.square(share)
+        fraction = np.linspace(0.0, 1.0, len(t)) - middle
+        cost = np.sum(np.square(offsets(k, t)), axis=1) + _SPREAD_WEIGHT * np.square(fraction)
         if times:
             previous = np.searchsorted(times[-1], t, side="right") - 1
             lowest = np.minimum.accumulate(path_costs[-1])

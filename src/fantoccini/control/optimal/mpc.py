@@ -68,7 +68,7 @@ class _Plan:
     interval: float
     acc_K: Array
 
-    def at(self, t: float) -> Array:
+    def acceleration(self, t: float) -> Array:
         """(n_vK,) accelerations at a time."""
         i = math.floor((t - self.start) / self.interval + 1e-9)
         return self.acc_K[i] if 0 <= i < len(self.acc_K) else np.zeros_like(self.acc_K[0])
@@ -152,7 +152,7 @@ class MPC:
         self.deadline = self.interval if deadline is None else deadline
         check_positive(deadline=self.deadline)
         if isinstance(task, Task):
-            _check(task, marionette)
+            _check_task(task, marionette)
             tracks, bounds, smooth, x0 = task.tracks, task.bounds, task.smooth, task.x0
             # The task of an optimum has its obstacles in its puppet.
             marionette, obstacles = task.world if task.obstacles else (task.marionette, ())
@@ -229,30 +229,32 @@ class MPC:
 
     def acceleration(self, t: float) -> Array:
         """(n_vK,) planned accelerations at a time; 0 before the first update and after the plan."""
-        in_force = [plan for plan in self._plans if plan.start <= t + 1e-9]
-        if not in_force:
+        started_plans = [plan for plan in self._plans if plan.start <= t + 1e-9]
+        if not started_plans:
             return np.zeros(self.marionette.coordinates.n_vK)
-        return in_force[-1].at(t).copy()
+        return started_plans[-1].acceleration(t).copy()
 
     def _update(self, x: State, t: float) -> Array:
         if self._plans:
             intervals_since_update = (t - self._plans[-1].start) / self.interval
             self.skipped += max(0, math.floor(intervals_since_update - 1.0 + 1e-6))
         h, N = self.interval, self.nodes
-        first = self._predicted_state(x, t)
+        start_state = self._predicted_state(x, t)
         times = t + h * np.arange(N)
-        accelerations = np.array([self.acceleration(at + 1e-6 * h) for at in times])
+        accelerations = np.array([self.acceleration(t_node + 1e-6 * h) for t_node in times])
         prediction = None
-        if first is not None:
-            prediction = self._predictions.predict(first, t, h, accelerations[None])[0]
-        if prediction is None and first is not None:
-            accelerations = np.repeat(self._braking(first)[None], N, axis=0)
+        if start_state is not None:
+            prediction = self._predictions.predict(start_state, t, h, accelerations[None])[0]
+        if prediction is None and start_state is not None:
+            accelerations = np.repeat(self._braking_acceleration(start_state)[None], N, axis=0)
             accelerations[1:] = 0.0
-            prediction = self._predictions.predict(first, t, h, accelerations[None])[0]
-        if first is None or prediction is None:
-            return self._record(MPCStatus.BRAKES, t, self._braking(x)[None], None, math.nan)
+            prediction = self._predictions.predict(start_state, t, h, accelerations[None])[0]
+        if start_state is None or prediction is None:
+            return self._record(
+                MPCStatus.BRAKES, t, self._braking_acceleration(x)[None], None, math.nan
+            )
         objective = self._objective(prediction[0])
-        nodes, cost, status = self._improved(objective, *prediction)
+        nodes, cost, status = self._improve(objective, *prediction)
         return self._record(status, t, nodes.acc_K, nodes, cost)
 
     def _record(
@@ -270,9 +272,9 @@ class MPC:
     def _predicted_state(self, x: State, t: float) -> State | None:
         """The state at time t, under the accelerations in force until then; None without one."""
         while x.t < t - 1e-9:
-            starts = [plan.start for plan in self._plans if plan.start > x.t + 1e-9]
-            until = min([t, x.t + self.interval, *starts])
-            next_state = self._predictions.state_after(x, self.acceleration(x.t), until - x.t)
+            plan_starts = [plan.start for plan in self._plans if plan.start > x.t + 1e-9]
+            step_end = min([t, x.t + self.interval, *plan_starts])
+            next_state = self._predictions.state_after(x, self.acceleration(x.t), step_end - x.t)
             if next_state is None:
                 return None
             x = next_state
@@ -282,31 +284,31 @@ class MPC:
         """The objective with the tracks that count at the nodes of a prediction."""
         start, end = nodes.start, nodes.t[-1]
 
-        def counts(track: Track) -> bool:
+        def is_active(track: Track) -> bool:
             return bool(track.start <= end + 1e-9 and track.end >= start - 1e-9)
 
-        active = tuple(i for i, entry in enumerate(self._task.tracks) if counts(entry))
+        active = tuple(i for i, entry in enumerate(self._task.tracks) if is_active(entry))
         if active not in self._objectives:
             tracks = [self._task.tracks[i] for i in active]
             self._objectives[active] = Objective(replace(self._task, tracks=tracks))
         return self._objectives[active]
 
-    def _improved(
+    def _improve(
         self, objective: Objective, nodes: Nodes, ends: Ends
     ) -> tuple[Nodes, float, MPCStatus]:
         """The prediction after a step, its cost, and whether the step improved it."""
-        slopes = self._steps.linearise(nodes, objective.has_pulls)
+        derivatives = self._steps.linearise(nodes, objective.tracks_tension)
         shift = self._shift(nodes.start)
-        solution = self._steps.solve(objective, nodes, slopes, SETTINGS.damping, shift)
+        solution = self._steps.solve(objective, nodes, derivatives, SETTINGS.damping, shift)
         objective.price = SETTINGS.price * objective.unit
         cost_before = self._merit(objective, nodes, ends)
         if not np.all(np.isfinite(solution.u)):
             return nodes, cost_before, MPCStatus.KEPT
         step_lengths = np.array(SETTINGS.step_lengths)[:, None, None]
-        trials = np.clip(
+        trial_accelerations = np.clip(
             nodes.acc_K + step_lengths * solution.u, -self._max_acceleration, self._max_acceleration
         )
-        first = State(
+        start_state = State(
             nodes.start,
             nodes.q_D[0],
             nodes.v_D[0],
@@ -314,15 +316,17 @@ class MPC:
             nodes.v_K[0],
             np.zeros(ends.taut.shape[1], bool),
         )
-        best, lowest = nodes, cost_before
-        for prediction in self._predictions.predict(first, nodes.start, nodes.interval, trials):
+        best_nodes, lowest_cost = nodes, cost_before
+        for prediction in self._predictions.predict(
+            start_state, nodes.start, nodes.interval, trial_accelerations
+        ):
             if prediction is None:
                 continue
             cost = self._merit(objective, *prediction)
-            if cost < lowest:
-                best, lowest = prediction[0], cost
-        status = MPCStatus.KEPT if best is nodes else MPCStatus.IMPROVED
-        return best, lowest, status
+            if cost < lowest_cost:
+                best_nodes, lowest_cost = prediction[0], cost
+        status = MPCStatus.KEPT if best_nodes is nodes else MPCStatus.IMPROVED
+        return best_nodes, lowest_cost, status
 
     def _warm_up(self) -> None:
         """Loads and compiles the functions of updates, so that the first one is in time, too."""
@@ -344,21 +348,21 @@ class MPC:
         violation = float(np.sum(objective.rows.violation(nodes, ends)))
         return objective.cost(nodes, ends) + objective.price * violation
 
-    def _braking(self, x: State) -> Array:
+    def _braking_acceleration(self, x: State) -> Array:
         """(n_vK,) accelerations that stop the inputs in an interval, or the largest allowed."""
         return np.clip(-x.v_K / self.interval, -self._max_acceleration, self._max_acceleration)
 
 
-def _check(task: Task, marionette: Marionette) -> None:
+def _check_task(task: Task, marionette: Marionette) -> None:
     if not _same_puppet(task.marionette, marionette):
         raise StateError(f"MPC: the task is of another puppet than {marionette.name}")
-    more = [
+    missing = [
         o.name for o in marionette.puppet.obstacles if o not in task.marionette.puppet.obstacles
     ]
-    if more:
+    if missing:
         raise StateError(
-            f"MPC: the puppet has obstacles that the task lacks: {', '.join(more)}; make the task "
-            "with this puppet"
+            f"MPC: the puppet has obstacles that the task lacks: {', '.join(missing)}; make the "
+            "task with this puppet"
         )
     if task.is_free:
         raise StateError("MPC: the task's duration is free; needed: a given one")
@@ -375,7 +379,9 @@ def _check(task: Task, marionette: Marionette) -> None:
         raise StateError("MPC: the task has an end; give a Track with end_weight instead")
 
 
-def _same_puppet(a: Marionette, b: Marionette) -> bool:
+def _same_puppet(first: Marionette, second: Marionette) -> bool:
     """Whether two puppets differ in their obstacles at most."""
-    same_numbers = np.array_equal(a.p, b.p) and np.array_equal(a.winches, b.winches)
-    return a.libraries is b.libraries and same_numbers
+    same_numbers = np.array_equal(first.p, second.p) and np.array_equal(
+        first.winches, second.winches
+    )
+    return first.libraries is second.libraries and same_numbers

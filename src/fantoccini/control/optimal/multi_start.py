@@ -75,20 +75,20 @@ class MultiStartSearch:
 
     @property
     def _is_late(self) -> bool:
-        return time.perf_counter() > self._limits.until
+        return time.perf_counter() > self._limits.deadline
 
     def _attempt(self, rng: np.random.Generator, progress: OnProgress | None) -> bool:
         """Explores and refines, repeatedly if needed; returns whether a valid motion was found."""
-        objective, before = Objective(self.objective.task), (self.best, self.objective)
+        objective, previous = Objective(self.objective.task), (self.best, self.objective)
 
-        def keep(motion: Iterate) -> None:
+        def keep_better(motion: Iterate) -> None:
             motion = replace(motion, iterations=self._iterations)
-            is_better = self._rank(motion) <= self._rank(before[0])
-            self.best, self.objective = (motion, objective) if is_better else before
+            is_better = self._rank(motion) <= self._rank(previous[0])
+            self.best, self.objective = (motion, objective) if is_better else previous
 
-        def count(report: Progress) -> None:
+        def count_iteration(report: Progress) -> None:
             self._iterations += 1
-            keep(report.best)
+            keep_better(report.best)
             if progress is not None:
                 best = replace(self.best, iterations=self._iterations)
                 progress(replace(report, done=self._iterations, best=best))
@@ -96,15 +96,17 @@ class MultiStartSearch:
         start = self._first
         for i in range(1 + _MAX_REPETITIONS):
             limits, threads = self._limits, self._runs.steps.threads
-            exploration = Exploration(start, objective, rng, threads, limits.until, near=i > 0)
-            drawn = exploration.run(count)
-            nodes_and_run = None if drawn is None else self._runs.run(drawn.nodes)
+            exploration = Exploration(
+                start, objective, rng, threads, limits.deadline, is_near=i > 0
+            )
+            explored = exploration.run(count_iteration)
+            nodes_and_run = None if explored is None else self._runs.run(explored.nodes)
             if nodes_and_run is None:
                 return False
             ends = self._runs.ends(*nodes_and_run)
-            at = Iterate(nodes_and_run[0], ends, objective.cost(nodes_and_run[0], ends))
-            refined = TrustRegionSearch(at, self._runs, objective, limits).run(count)
-            keep(refined)
+            motion = Iterate(nodes_and_run[0], ends, objective.cost(nodes_and_run[0], ends))
+            refined = TrustRegionSearch(motion, self._runs, objective, limits).run(count_iteration)
+            keep_better(refined)
             if not self._rank(refined)[0]:
                 return True
             if self._is_late:
@@ -112,8 +114,10 @@ class MultiStartSearch:
             start = refined.nodes
         return False
 
-    def _rank(self, at: Iterate) -> tuple[bool, float]:
+    def _rank(self, iterate: Iterate) -> tuple[bool, float]:
         """(False, cost) of a valid motion, (True, largest residual) of another; lower is better."""
-        gap = float(np.max(np.abs(self.objective.end_gap(at.nodes)), initial=0.0))
-        residual = max(largest_bound_violation(self.objective, at.nodes, at.ends).size, gap)
-        return (True, residual) if residual > MAX_RESIDUAL else (False, at.cost)
+        gap = float(np.max(np.abs(self.objective.end_gap(iterate.nodes)), initial=0.0))
+        residual = max(
+            largest_bound_violation(self.objective, iterate.nodes, iterate.ends).size, gap
+        )
+        return (True, residual) if residual > MAX_RESIDUAL else (False, iterate.cost)

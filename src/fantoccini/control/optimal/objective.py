@@ -11,18 +11,18 @@ from fantoccini.base import Array, Indices, UnknownNameError
 from fantoccini.control.optimal.dynamics import Ends, LinearEnds
 from fantoccini.control.optimal.quadratic import UNBOUNDED, StageProgram, StageSolution
 from fantoccini.control.optimal.rows import Rows
-from fantoccini.control.optimal.touch_terms import Touches
+from fantoccini.control.optimal.touch_terms import TouchTerms
 from fantoccini.control.tasks import (
     ChosenParameters,
     NodeKinematics,
     Nodes,
-    NumberResidual,
     Residual,
+    ScalarResidual,
     Task,
     Track,
-    path_of,
-    residual_of,
-    share,
+    active_fraction,
+    track_path,
+    track_residual,
 )
 from fantoccini.dynamics.marionette import Marionette
 
@@ -32,7 +32,7 @@ _WEIGHT_FACTOR = 4.0
 _MAX_END_WEIGHT = 1e6
 _FIRST_PRICE = 0.3
 """First price of a unit of violation of a row, in units of the cost."""
-_MIN_UNIT = 1e-12
+_MIN_COST_UNIT = 1e-12
 """Smallest unit of a cost."""
 _GRADIENT_ROUNDING = 1e-9
 """Rounding error of a gradient, relative to the curvature."""
@@ -43,7 +43,7 @@ _MAX_DURATION_CHANGE = 0.1
 
 
 @dataclass(frozen=True, eq=False)
-class Limits:
+class MotionBounds:
     """Bounds of a task as numbers; infinite if there is none.
 
     Attributes:
@@ -87,15 +87,16 @@ class Objective:
         n, k = marionette.coordinates.n_vD, marionette.coordinates.n_vK
         self._n_z, self._k = 2 * (n + k), k
         self._tracks = [track for track in task.tracks if track.kind != "tension"]
-        self._pulls = [track for track in task.tracks if track.kind == "tension"]
+        self._tension_tracks = [track for track in task.tracks if track.kind == "tension"]
         self._acc = task.bounds.magnitudes(marionette, "acceleration")
         jerk = task.bounds.magnitudes(marionette, "jerk")
         self._jerk = np.where(jerk > 0.0, jerk, np.inf)  # held inputs have no acceleration either
         self._u = np.flatnonzero(self._acc > 0.0)
         self._z = np.concatenate([np.arange(2 * n), 2 * n + self._u, 2 * n + k + self._u])
-        low, high = task.bounds.intervals(marionette)
-        driven = np.arange(self._n_z) >= 2 * n  # bounds of the others are rows
-        self._low, self._high = np.where(driven, low, -np.inf), np.where(driven, high, np.inf)
+        lower, upper = task.bounds.intervals(marionette)
+        is_driven = np.arange(self._n_z) >= 2 * n  # bounds of the others are rows
+        self._low = np.where(is_driven, lower, -np.inf)
+        self._high = np.where(is_driven, upper, np.inf)
         self._end, self._end_weight = task.required_end, _FIRST_END_WEIGHT
         required = np.zeros(self._n_z, bool) if self._end is None else self._end.required
         self._required, self.end_indices = required, np.flatnonzero(required[self._z])
@@ -103,11 +104,11 @@ class Objective:
             (0.0, 0.0, 0),
             [],
         )
-        self._chosen = ChosenParameters(marionette, task.x0, task.parameters)
-        self.touches = Touches(task, self._chosen)
-        self._c = np.arange(0 if task.is_free else 1, 1 + len(self._chosen))
+        self._free_parameters = ChosenParameters(marionette, task.x0, task.parameters)
+        self.touches = TouchTerms(task, self._free_parameters)
+        self._constant_indices = np.arange(0 if task.is_free else 1, 1 + len(self._free_parameters))
         """Indices into the constants of a motion: length of intervals, parameters."""
-        self.rows = Rows(task, self._chosen, self._c)
+        self.rows = Rows(task, self._free_parameters, self._constant_indices)
 
     def cost(self, nodes: Nodes, ends: Ends) -> float:
         """The cost J."""
@@ -120,9 +121,9 @@ class Objective:
         return self._u, self._z
 
     @property
-    def has_pulls(self) -> bool:
+    def tracks_tension(self) -> bool:
         """Whether tensions are tracked."""
-        return bool(self._pulls)
+        return bool(self._tension_tracks)
 
     @property
     def end_weight(self) -> float:
@@ -148,7 +149,7 @@ class Objective:
 
     def _set_unit(self, g: Array, curvature: Array, min_unit: float) -> None:
         unit = max(float(np.max(np.abs(g), initial=0.0)), min_unit)
-        max_curvature = float(np.max(curvature, initial=_MIN_UNIT))
+        max_curvature = float(np.max(curvature, initial=_MIN_COST_UNIT))
         self.unit = unit if unit > _GRADIENT_ROUNDING * max_curvature else max_curvature
         self.price = _FIRST_PRICE * self.unit
 
@@ -160,7 +161,7 @@ class Objective:
         """(n_z + 3 T,) the gap at the end, and the offsets of touching points from their places."""
         return np.concatenate([self.end_gap(nodes), self.touches.gap(nodes)])
 
-    def closed_gap(
+    def gap_change(
         self, nodes: Nodes, z: Array, c: Array, force: Array | float
     ) -> tuple[Array, Array]:
         """(n_z + 3 T,) change of the gap in a step, and the multipliers after it.
@@ -171,11 +172,13 @@ class Objective:
         """
         at_end = np.where(self._required, z[-1], 0.0)
         weight, forces = self.end_weight, np.concatenate(self._forces(force))
-        closed, by_moments = self.touches.closed_gap(nodes, z, c, weight, forces[self._n_z :])
-        closed = np.concatenate([at_end, closed])
-        remaining = self.gap(nodes) - closed
-        remaining[self._n_z :] -= by_moments
-        return closed, forces + weight * remaining
+        gap_change, moment_change = self.touches.gap_change(
+            nodes, z, c, weight, forces[self._n_z :]
+        )
+        gap_change = np.concatenate([at_end, gap_change])
+        remaining = self.gap(nodes) - gap_change
+        remaining[self._n_z :] -= moment_change
+        return gap_change, forces + weight * remaining
 
     def _forces(self, force: Array | float) -> tuple[Array, Array]:
         """(n_z,) and (3 T,) multipliers of the end and of touches."""
@@ -192,8 +195,8 @@ class Objective:
             damping: damping of the Hessian.
             force: (n_z + 3 T,) multipliers of the gap.
         """
-        if len(self._c):
-            linear = linear.widened(self._c)
+        if len(self._constant_indices):
+            linear = linear.with_constants(self._constant_indices)
         N, n_z, k = linear.B.shape
         H, g, cross = (
             np.zeros((N, k + n_z, k + n_z)),
@@ -204,16 +207,25 @@ class Objective:
         Q, q = np.zeros((n_z, n_z)), np.zeros(n_z)
         self._add_residuals(nodes, H, g, Q, q)
         self._add_smoothness(nodes, H, g, cross)
-        self._add_pulls(nodes, linear, H, g, cross, Q, q)
+        self._add_tension_terms(nodes, linear, H, g, cross, Q, q)
         ends = np.flatnonzero(self._required)
         H[-1, k + ends, k + ends] += self.end_weight
         g[-1, k + ends] -= (self.end_weight * self.end_gap(nodes) + self._forces(force)[0])[ends]
         self.touches.add(
-            nodes, linear, self._c, self.end_weight, self._forces(force)[1], H, g, cross, Q, q
+            nodes,
+            linear,
+            self._constant_indices,
+            self.end_weight,
+            self._forces(force)[1],
+            H,
+            g,
+            cross,
+            Q,
+            q,
         )
         diagonal = np.arange(k + n_z)
         H[:, diagonal, diagonal] += damping
-        numbers = nodes.numbers[1:]
+        numbers = nodes.scalars[1:]
         low_c, high_c = self._bounds_of_constants(nodes)
         low = np.concatenate([-self._acc - nodes.acc_K, self._low - numbers, low_c], axis=1)
         high = np.concatenate([self._acc - nodes.acc_K, self._high - numbers, high_c], axis=1)
@@ -223,7 +235,8 @@ class Objective:
         high[-1, :k] = np.minimum(high[-1, :k], max_jump - nodes.acc_K[-1])
         low, high = np.maximum(low, -UNBOUNDED), np.minimum(high, UNBOUNDED)
         value, row_low, row_high = self.rows.values(nodes, linear)
-        u, z = self._u, np.concatenate([self._z, self._n_z + np.arange(len(self._c))])
+        u = self._u
+        z = np.concatenate([self._z, self._n_z + np.arange(len(self._constant_indices))])
         selected = np.concatenate([u, k + z])
         row_columns = np.concatenate([selected, k + n_z + selected])
         program = StageProgram(
@@ -240,13 +253,15 @@ class Objective:
             row_high - value,
             np.full(value.shape, self.price),
         )
-        if not len(self._c):
+        if not len(self._constant_indices):
             return program
         if self.task.is_free:
             _, growing, shrinking = self._cost_parts(nodes, linear)
             slope = self.task.time_weight * len(nodes) + (growing - shrinking) / nodes.interval
             q[self._n_z] += slope
-        start = np.concatenate([linear.start_c[:, self._c], np.eye(len(self._c))])
+        start = np.concatenate(
+            [linear.dstart_c[:, self._constant_indices], np.eye(len(self._constant_indices))]
+        )
         return program.with_constants(
             start[z], _selected(Q[None], z, z)[0], q[z], low_c[0], high_c[0], damping
         )
@@ -254,17 +269,18 @@ class Objective:
     def _bounds_of_constants(self, nodes: Nodes) -> tuple[Array, Array]:
         """(N, n_c) the allowed changes of the constants."""
         shortest, longest = self.interval_changes(nodes) if self.task.is_free else (0.0, 0.0)
-        low = np.append(shortest, self._chosen.low - nodes.parameters)[self._c]
-        high = np.append(longest, self._chosen.high - nodes.parameters)[self._c]
-        shape = (len(nodes), len(self._c))
+        indices = self._constant_indices
+        low = np.append(shortest, self._free_parameters.low - nodes.parameters)[indices]
+        high = np.append(longest, self._free_parameters.high - nodes.parameters)[indices]
+        shape = (len(nodes), len(indices))
         return np.broadcast_to(low, shape), np.broadcast_to(high, shape)
 
-    def limits(self, interval: float) -> Limits:
+    def limits(self, interval: float) -> MotionBounds:
         """The bounds of accelerations, driven coordinates and joints, for a length of intervals."""
         n = self._n_z // 2 - self._k
         driven = slice(2 * n, 2 * n + self._k)
         rows = self.rows
-        return Limits(
+        return MotionBounds(
             self._u,
             self._acc,
             interval * self._jerk,
@@ -276,37 +292,41 @@ class Objective:
             rows.joint_high,
         )
 
-    def squares(self, nodes: Nodes) -> tuple[Array, Array, Array]:
+    def gauss_newton_terms(self, nodes: Nodes) -> tuple[Array, Array, Array]:
         """Gauss-Newton's J^T J + diagonal of the cost without tensions, and its gradient.
 
         Returns:
             (N, m, n_z) J, by the states after the intervals; (N, n_vK + n_z) the diagonal and the
             gradient, by the accelerations and these states.
         """
-        evaluation, k, N, dense = self._evaluation(nodes), self._k, len(nodes), []
+        evaluation, k, N, weighted_jacobians = self._evaluation(nodes), self._k, len(nodes), []
         diagonal, g = np.zeros((2, N, k + self._n_z))
         for residual in self._residuals(nodes):
             r, w = residual.value(evaluation)[1:], residual.weights[1:, None]
-            if isinstance(residual, NumberResidual):
+            if isinstance(residual, ScalarResidual):
                 columns = k + np.array(residual.columns)
                 diagonal[:, columns] += w
                 g[:, columns] += w * r
                 continue
-            dense.append(np.sqrt(w)[..., None] * residual.derivatives(evaluation)[1:])
-            g[:, k:] += ((np.sqrt(w) * r)[:, None] @ dense[-1])[:, 0]
+            weighted_jacobians.append(np.sqrt(w)[..., None] * residual.derivatives(evaluation)[1:])
+            g[:, k:] += ((np.sqrt(w) * r)[:, None] @ weighted_jacobians[-1])[:, 0]
         h, smooth = nodes.interval, self.task.smooth
         jumps = np.diff(nodes.acc_K, axis=0, prepend=0.0, append=0.0)
         diagonal[:, :k] += h * smooth.acceleration + 2.0 * smooth.jerk / h
         g[:, :k] += h * smooth.acceleration * nodes.acc_K
         g[:, :k] += smooth.jerk / h * (jumps[:-1] - jumps[1:])
-        J = np.concatenate(dense, axis=1) if dense else np.zeros((N, 0, self._n_z))
+        J = (
+            np.concatenate(weighted_jacobians, axis=1)
+            if weighted_jacobians
+            else np.zeros((N, 0, self._n_z))
+        )
         return J, diagonal, g
 
-    def pulls(self, nodes: Nodes, tension: Array) -> Iterator[tuple[int, Array, Array]]:
+    def tension_residuals(self, nodes: Nodes, tension: Array) -> Iterator[tuple[int, Array, Array]]:
         """Row, weights (N,) and residuals (N,) of every tracked tension."""
-        for track in self._pulls:
-            row, weights, path = _pull(self.task.marionette, track, nodes)
-            yield row, weights, tension[:, row] - path
+        for track in self._tension_tracks:
+            row, weights, target = _pull(self.task.marionette, track, nodes)
+            yield row, weights, tension[:, row] - target
 
     def interval_changes(self, nodes: Nodes) -> tuple[float, float]:
         """Smallest and largest change of the intervals' length in a step [s].
@@ -319,16 +339,16 @@ class Objective:
         shortest_change = max(shortest / N - h, -_MAX_DURATION_CHANGE * h) if is_near else 0.0
         return shortest_change, max(min(longest / N - h, _MAX_DURATION_CHANGE * h), 0.0)
 
-    def widened(self, solution: StageSolution) -> tuple[Array, Array, Array]:
+    def expanded(self, solution: StageSolution) -> tuple[Array, Array, Array]:
         """(N + 1, n_z), (N, n_vK) and (1 + n_p,) changes of states, inputs and constants."""
         N, n_u, n_z = len(solution.u), len(self._u), len(self._z)
         z, u = np.zeros((N + 1, self._n_z)), np.zeros((N, self._k))
-        c = np.zeros(1 + len(self._chosen))
+        c = np.zeros(1 + len(self._free_parameters))
         z[:, self._z], u[:, self._u] = solution.z[:, :n_z], solution.u[:, :n_u]
-        c[self._c] = solution.u[0, n_u:]
+        c[self._constant_indices] = solution.u[0, n_u:]
         return z, u, c
 
-    def widened_gains(self, K: Array) -> Array:
+    def expanded_gains(self, K: Array) -> Array:
         """(N, n_vK, n_z) gains of all inputs and states."""
         gains = np.zeros((len(K), self._k, self._n_z))
         gains[np.ix_(np.arange(len(K)), self._u, self._z)] = K[:, : len(self._u), : len(self._z)]
@@ -344,7 +364,7 @@ class Objective:
                 constant + end_cost,
                 growing + float(residual.weights @ squares) - end_cost,
             )
-        for _, weights, r in self.pulls(nodes, ends.tension):
+        for _, weights, r in self.tension_residuals(nodes, ends.tension):
             growing += 0.5 * float(weights @ np.square(r))
         h, smooth = nodes.interval, self.task.smooth
         growing += 0.5 * h * smooth.acceleration * float(np.sum(np.square(nodes.acc_K)))
@@ -355,19 +375,21 @@ class Objective:
         """Residuals of the tracks; paths are evaluated once for nodes at the same times."""
         times = (nodes.start, nodes.interval, len(nodes))
         if self._cached_residuals[0] != times:
-            residuals = [residual_of(self.task.marionette, track, nodes) for track in self._tracks]
+            residuals = [
+                track_residual(self.task.marionette, track, nodes) for track in self._tracks
+            ]
             self._cached_residuals = times, residuals
         return self._cached_residuals[1]
 
     def _evaluation(self, nodes: Nodes) -> NodeKinematics:
-        return NodeKinematics(self._chosen.marionette(nodes.parameters), nodes)
+        return NodeKinematics(self._free_parameters.marionette(nodes.parameters), nodes)
 
     def _add_residuals(self, nodes: Nodes, H: Array, g: Array, Q: Array, q: Array) -> None:
         """Adds Gauss-Newton's terms of the tracks at the nodes."""
-        evaluation, k, dense = self._evaluation(nodes), self._k, []
+        evaluation, k, weighted_jacobians = self._evaluation(nodes), self._k, []
         for residual in self._residuals(nodes):
             r, w = residual.value(evaluation), residual.weights[:, None]
-            if isinstance(residual, NumberResidual):
+            if isinstance(residual, ScalarResidual):
                 columns = np.array(residual.columns)
                 H[:, k + columns, k + columns] += w[1:]
                 g[:, k + columns] += (w * r)[1:]
@@ -377,27 +399,27 @@ class Objective:
                 )
                 continue
             J = residual.derivatives(evaluation)
-            if len(self._c):
-                J = np.concatenate([J, self._by_constants(residual, nodes)], axis=2)
+            if len(self._constant_indices):
+                J = np.concatenate([J, self._constant_derivatives(residual, nodes)], axis=2)
             g[:, k:] += ((w * r)[1:, None] @ J[1:])[:, 0]
             q += w[0] * r[0] @ J[0]
-            dense.append(np.sqrt(w)[..., None] * J)
-        if dense:
-            J = np.concatenate(dense, axis=1)
+            weighted_jacobians.append(np.sqrt(w)[..., None] * J)
+        if weighted_jacobians:
+            J = np.concatenate(weighted_jacobians, axis=1)
             H[:, k:, k:] += J[1:].swapaxes(1, 2) @ J[1:]
             Q += J[0].T @ J[0]
 
-    def _by_constants(self, residual: Residual, nodes: Nodes) -> Array:
+    def _constant_derivatives(self, residual: Residual, nodes: Nodes) -> Array:
         """(N + 1, m, n_c) derivatives of a residual by the constants, by differences."""
         value = residual.value(self._evaluation(nodes))
-        derivatives = np.zeros((*value.shape, 1 + len(self._chosen)))
-        for i, (below, above) in enumerate(self._chosen.neighbours(nodes.parameters)):
-            ends = [
+        derivatives = np.zeros((*value.shape, 1 + len(self._free_parameters)))
+        for i, (below, above) in enumerate(self._free_parameters.neighbours(nodes.parameters)):
+            residuals = [
                 residual.value(self._evaluation(replace(nodes, parameters=p)))
                 for p in (below, above)
             ]
-            derivatives[..., 1 + i] = (ends[1] - ends[0]) / (above[i] - below[i])
-        return derivatives[..., self._c]
+            derivatives[..., 1 + i] = (residuals[1] - residuals[0]) / (above[i] - below[i])
+        return derivatives[..., self._constant_indices]
 
     def _add_smoothness(self, nodes: Nodes, H: Array, g: Array, cross: Array) -> None:
         """Adds the terms of accelerations and of their jumps between intervals."""
@@ -408,13 +430,13 @@ class Objective:
         g[:, u] += smooth.jerk / h * (jumps[:-1] - jumps[1:])
         cross[:, u, u] -= smooth.jerk / h
 
-    def _add_pulls(
+    def _add_tension_terms(
         self, nodes: Nodes, linear: LinearEnds, H: Array, g: Array, cross: Array, Q: Array, q: Array
     ) -> None:
         """Adds the terms of tracked tensions, which depend on state and inputs after a node."""
         k, n_z = self._k, linear.B.shape[1]
-        for row, weights, r in self.pulls(nodes, linear.tension):
-            derivatives = linear.pull[:, row]
+        for row, weights, r in self.tension_residuals(nodes, linear.tension):
+            derivatives = linear.dtension[:, row]
             J_z, J_u = derivatives[:, :n_z], derivatives[:, n_z:]
             w = weights[:, None, None]
             H[:, :k, :k] += w * J_u[:, :, None] * J_u[:, None]
@@ -426,16 +448,16 @@ class Objective:
             q += weights[0] * r[0] * J_z[0]
 
 
-def _selected(a: Array, *indices: Indices | slice) -> Array:
+def _selected(array: Array, *indices: Indices | slice) -> Array:
     """The selected indices of all axes but the first; the array itself if these are all."""
-    is_whole = [
+    takes_all = [
         isinstance(index, slice) or len(index) == n
-        for index, n in zip(indices, a.shape[1:], strict=True)
+        for index, n in zip(indices, array.shape[1:], strict=True)
     ]
-    if all(is_whole):
-        return a
-    first, *second = indices
-    selected = a[:, first]
+    if all(takes_all):
+        return array
+    rows, *second = indices
+    selected = array[:, rows]
     return selected[:, :, second[0]] if second else selected
 
 
@@ -444,6 +466,6 @@ def _pull(marionette: Marionette, track: Track, nodes: Nodes) -> tuple[int, Arra
     names = [s.name for s in marionette.tree.strings]
     if track.name not in names:
         raise UnknownNameError("string", track.name, names)
-    path = path_of(marionette, track, nodes.t[:-1])[:, 0]
-    share_t = share(track, nodes.t[:-1])
-    return names.index(track.name), track.weight * nodes.interval * share_t, path
+    target = track_path(marionette, track, nodes.t[:-1])[:, 0]
+    fraction = active_fraction(track, nodes.t[:-1])
+    return names.index(track.name), track.weight * nodes.interval * fraction, target

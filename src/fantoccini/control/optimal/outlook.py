@@ -7,7 +7,7 @@ import numpy as np
 from fantoccini.base import Array, StateError, Times
 from fantoccini.control.optimal.reached import length_text
 from fantoccini.control.optimal.reaching import reach
-from fantoccini.control.tasks import Task, Track, path_of
+from fantoccini.control.tasks import Task, Track, track_path
 from fantoccini.motion import State
 
 _SAMPLES = 25
@@ -16,7 +16,7 @@ _MIN_DISTANCE = 1e-3
 """Smallest distance from a path that is reported [m]."""
 
 
-def out_of_reach(task: Task) -> list[str]:
+def reach_notes(task: Task) -> list[str]:
     """Notes on points that cannot hang near their path or touch: the distance and its reason.
 
     A motion may swing farther than the puppet hangs, so this is no mistake of the task. Points
@@ -44,7 +44,7 @@ def _track_note(task: Task, track: Track, start: State) -> str:
     if track.kind != "point" or not last > first or not track.weight + track.end_weight > 0.0:
         return ""
     t = np.linspace(first, last, _SAMPLES) if track.weight > 0.0 else np.array([last])
-    positions = path_of(task.marionette, track, t)
+    positions = track_path(task.marionette, track, t)
     return _farthest_place(task, start, track.name, track.at, positions, "its path", t)
 
 

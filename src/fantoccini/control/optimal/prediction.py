@@ -17,7 +17,7 @@ from fantoccini.dynamics.marionette import Marionette
 from fantoccini.kernel.runtime import LaneHistory, LaneRecord, LaneSteppers
 from fantoccini.motion import State
 
-_MOTION = ("q_D", "v_D", "q_K", "v_K")
+_STATE_FIELDS = ("q_D", "v_D", "q_K", "v_K")
 
 
 class Predictions:
@@ -51,7 +51,7 @@ class Predictions:
         """
         n, N, table = len(acc_K), acc_K.shape[1], self._marionette.coordinates
         record = self._restart(x0)
-        history = LaneHistory(record, N + 1, (*_MOTION, "tension"))
+        history = LaneHistory(record, N + 1, (*_STATE_FIELDS, "tension"))
         history.keep(0)
         acc = np.zeros((self._n_lanes, table.n_vK))
         advance = self._steppers.bound(interval, acc, None)
@@ -63,7 +63,7 @@ class Predictions:
         predictions: list[tuple[Nodes, Ends] | None] = []
         for j in range(n):
             states: dict[str, Any] = {
-                name: np.ascontiguousarray(history.parts[name][:, j]) for name in _MOTION
+                name: np.ascontiguousarray(history.parts[name][:, j]) for name in _STATE_FIELDS
             }
             if not is_done[j] or not all(np.all(np.isfinite(a)) for a in states.values()):
                 predictions.append(None)
@@ -81,11 +81,11 @@ class Predictions:
         self._steppers.advance(duration, acc, None)
         if not _is_done(record)[0]:
             return None
-        parts = {name: getattr(record, name)[0].copy() for name in _MOTION}
+        parts = {name: getattr(record, name)[0].copy() for name in _STATE_FIELDS}
         return replace(x0, t=x0.t + duration, **parts, taut=record.taut[0].copy())
 
     def _restart(self, x0: State) -> LaneRecord:
-        motion = {name: getattr(x0, name) for name in _MOTION}
+        motion = {name: getattr(x0, name) for name in _STATE_FIELDS}
         self._record.begin(**motion, p=self._marionette.p, slip=np.zeros(1))
         return self._record
 

@@ -201,7 +201,7 @@ class StageSolver:
             iterations=max_iterations,
         )
         is_close = max(result.primal, result.dual, 0.1 * result.gap) < _MAX_RESIDUAL
-        finite = bool(np.all(np.isfinite(result.u)) and np.all(np.isfinite(result.z)))
+        is_finite = bool(np.all(np.isfinite(result.u)) and np.all(np.isfinite(result.z)))
         costate = result.costate + np.einsum("nmj,nm->nj", following, result.force)
         z = np.concatenate([np.zeros((1, n_z)), result.z])
         return StageSolution(
@@ -210,7 +210,7 @@ class StageSolver:
             costate,
             result.passed,
             result.gain,
-            (result.solved or is_close) and finite,
+            (result.solved or is_close) and is_finite,
             result.iterations,
             unit * result.gap * _n_slacks(program),
         )

@@ -25,7 +25,7 @@ _MAX_RATE_ROUNDING = 1e-9
 """Largest |dq_D/dq_K| that counts as rounding: the driven coordinates do not move q_D."""
 
 
-_STATUS = {
+_STATUS_OF_END = {
     ReachEnd.REACHED: AnswerStatus.REACHED,
     ReachEnd.NEAREST: AnswerStatus.OUT_OF_REACH,
     ReachEnd.STALLED: AnswerStatus.UNSURE,
@@ -42,7 +42,7 @@ class ReachProblem:
         start: start of the search.
         names: names of the targets: points of bodies, or orientations.
         places: (n, n_targets, 3) required positions [m] or rotation vectors [rad].
-        moves: (n_targets, n_vD + n_vK) bool, the velocities that move each target.
+        moving_mask: (n_targets, n_vD + n_vK) bool, the velocities that move each target.
         low, high: (n_vK + n_p,) bounds of the driven coordinates and the parameters.
         tension_low, tension_high: (n_rows,) bounds of the tensions of strings that are taut and
             of the forces of joint limits that are reached [N or N m].
@@ -53,7 +53,7 @@ class ReachProblem:
     start: State
     names: tuple[Any, ...]
     places: Array
-    moves: MaskRows
+    moving_mask: MaskRows
     low: Array
     high: Array
     tension_low: Array
@@ -76,7 +76,8 @@ class ReachedPose(Answer):
         parameters: values of the parameters that were chosen.
         tension: string -> tension [N].
         taut: strings that pull.
-        still: dynamic coordinates that the driven ones cannot move from this pose, to first order.
+        immovable: dynamic coordinates that the driven ones cannot move from this pose, to first
+            order.
         limits: descriptions of the bounds that keep it from its places; empty if it reaches them.
     """
 
@@ -87,7 +88,7 @@ class ReachedPose(Answer):
     parameters: dict[str, float]
     tension: dict[str, float]
     taut: tuple[str, ...]
-    still: tuple[str, ...]
+    immovable: tuple[str, ...]
     limits: tuple[str, ...]
 
     def summary(self) -> str:
@@ -144,7 +145,7 @@ class ReachedPoses:
     @property
     def status(self) -> tuple[AnswerStatus, ...]:
         """Outcome of the search for each pose."""
-        return tuple(_STATUS[ReachEnd(code)] for code in self._result.status.tolist())
+        return tuple(_STATUS_OF_END[ReachEnd(code)] for code in self._result.status.tolist())
 
     @property
     def offsets(self) -> Array:
@@ -182,7 +183,7 @@ class ReachedPoses:
         return self._result.iterations
 
     @property
-    def by_K(self) -> Array:
+    def jacobian(self) -> Array:
         """(n, n_vD, n_vK) dq_D/dq_K of each pose."""
         n_K = self.problem.marionette.coordinates.n_vK
         return self._result.by[:, :n_K].swapaxes(1, 2)
@@ -194,9 +195,9 @@ class ReachedPoses:
             q_D=result.q_D[i], q_K=result.q_K[i], taut=result.held[i].astype(bool)
         )
         names = [s.name for s in marionette.tree.strings]
-        is_moved = np.max(np.abs(self.by_K[i]), axis=1, initial=0.0) > _MAX_RATE_ROUNDING
+        is_moved = np.max(np.abs(self.jacobian[i]), axis=1, initial=0.0) > _MAX_RATE_ROUNDING
         target_labels = target_names(problem.names)
-        chosen = {
+        free_parameters = {
             name: float(result.p[i, j])
             for name, j in marionette.parameter_index.items()
             if problem.low[table.n_vK + j] < problem.high[table.n_vK + j]
@@ -208,12 +209,14 @@ class ReachedPoses:
             state,
             float(self.distance[i]),
             dict(zip(target_labels, distances.tolist(), strict=True)),
-            chosen,
+            free_parameters,
             dict(zip(names, result.tension[i].tolist(), strict=False)),
             tuple(
-                s for s, pull in zip(names, result.tension[i], strict=False) if pull > min_tension
+                s
+                for s, tension in zip(names, result.tension[i], strict=False)
+                if tension > min_tension
             ),
-            tuple(v for v, moves in zip(table.v_D, is_moved, strict=True) if not moves),
+            tuple(v for v, can_move in zip(table.v_D, is_moved, strict=True) if not can_move),
             () if self.reached[i] else tuple(self._limits(i)),
         )
 
@@ -227,44 +230,44 @@ class ReachedPoses:
         is_taut = result.held[i].astype(bool)
         price_effect = np.abs(price)
         price_effect[n_chosen : n_chosen + len(rows)][is_taut] *= marionette.weight or 1.0
-        texts = []
-        for c in np.argsort(-price_effect, kind="stable"):
+        descriptions = []
+        for index in np.argsort(-price_effect, kind="stable"):
             if (
-                not price_effect[c] > _MIN_PRICE_SHARE * price_effect.max()
-                or price_effect[c] == 0.0
+                not price_effect[index] > _MIN_PRICE_SHARE * price_effect.max()
+                or price_effect[index] == 0.0
             ):
                 break
-            is_upper = price[c] > 0.0
-            if c < n_chosen:
+            is_upper = price[index] > 0.0
+            if index < n_chosen:
                 names = [*table.v_K, *marionette.parameter_index]
-                texts.append(
+                descriptions.append(
                     self._bound_text(
-                        names[c], (problem.high if is_upper else problem.low)[c], is_upper
+                        names[index], (problem.high if is_upper else problem.low)[index], is_upper
                     )
                 )
-            elif c < n_chosen + len(rows):
-                j = int(c) - n_chosen
-                texts.append(_row_bound_text(problem, j, bool(is_taut[j]), is_upper))
+            elif index < n_chosen + len(rows):
+                j = int(index) - n_chosen
+                descriptions.append(_row_bound_text(problem, j, bool(is_taut[j]), is_upper))
             else:
-                v = int(c) - n_chosen - len(rows)
+                v = int(index) - n_chosen - len(rows)
                 bound = (problem.joint_high if is_upper else problem.joint_low)[v]
-                texts.append(self._bound_text(table.v_D[v], bound, is_upper))
+                descriptions.append(self._bound_text(table.v_D[v], bound, is_upper))
         if self.status[i] is AnswerStatus.TIPS:
-            texts = ["the puppet would tip over if it came nearer"]
-        texts += self._limits_of_targets(is_taut)
-        if not texts:
-            texts = [
+            descriptions = ["the puppet would tip over if it came nearer"]
+        descriptions += self._limits_of_targets(is_taut)
+        if not descriptions:
+            descriptions = [
                 f"no driven coordinate moves {target_name(target)} any further along "
                 f"({_direction(-offset)})"
                 for target, offset in zip(problem.names, result.left[i], strict=True)
                 if np.linalg.norm(offset) > 0.0
             ]
-        return texts
+        return descriptions
 
     def _limits_of_targets(self, is_taut: MaskRows) -> list[str]:
         """Descriptions of the joint limits that are reached, of joints that move a target."""
         tree = self.problem.marionette.tree
-        moves_target, names = np.any(self.problem.moves, axis=0), tree.row_names
+        moves_target, names = np.any(self.problem.moving_mask, axis=0), tree.row_names
         n = len(tree.strings)
         return [
             f"the joint's limit {names[n + i]} is met"
@@ -274,15 +277,15 @@ class ReachedPoses:
 
     def _bound_text(self, name: str, bound: float, is_upper: bool) -> str:
         """Description of the bound of a coordinate or parameter that would have to be exceeded."""
-        string_of = {
+        string_names = {
             s.driven_length[1]: s.name
             for s in self.problem.marionette.tree.strings
             if s.driven_length
         }
         v_K = self.problem.marionette.coordinates.v_K
-        if name in v_K and (v := list(v_K).index(name)) in string_of:
+        if name in v_K and (v := list(v_K).index(name)) in string_names:
             comparison = "longer" if is_upper else "shorter"
-            return f"the string {string_of[v]} would have to be {comparison} than {bound:.4g} m"
+            return f"the string {string_names[v]} would have to be {comparison} than {bound:.4g} m"
         return f"{name} would have to be {'above' if is_upper else 'below'} {bound:.4g}"
 
 
@@ -328,4 +331,4 @@ def length_text(metres: float) -> str:
 
 def _direction(x: Array) -> str:
     """Unit vector along x as text, without negative zeros."""
-    return ", ".join(f"{c:.2f}" for c in np.round(x / np.linalg.norm(x), 2) + 0.0)
+    return ", ".join(f"{index:.2f}" for index in np.round(x / np.linalg.norm(x), 2) + 0.0)

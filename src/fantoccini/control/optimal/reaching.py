@@ -91,18 +91,18 @@ def reach(
     marionette.check_state(start)
     start_at_rest = start.replace(v_D=np.zeros_like(start.v_D), v_K=np.zeros_like(start.v_K))
     bounds = Bounds() if bounds is None else bounds
-    held = tuple(bounds.held_velocities(marionette.coordinates).values())
-    bounds = replace(bounds, speed=np.inf, acceleration=np.inf, jerk=np.inf, held=held)
+    held_velocities = tuple(bounds.held_velocities(marionette.coordinates).values())
+    bounds = replace(bounds, speed=np.inf, acceleration=np.inf, jerk=np.inf, held=held_velocities)
     if not slack:
-        bounds = bounds.staying_taut(marionette, start_at_rest)
+        bounds = bounds.with_taut_strings(marionette, start_at_rest)
     bounds.check_state(marionette, start_at_rest, "at the start")
-    places, arrays = _targets(marionette, targets)
-    arrays["weights"] = _weights(targets, weights or {})
+    places, arrays = _target_arrays(marionette, targets)
+    arrays["weights"] = _target_weights(targets, weights or {})
     variable_bounds = _variable_bounds(marionette, start_at_rest, bounds, parameters or {})
     problem = ReachProblem(
         marionette, start_at_rest, tuple(targets), places, arrays["moves"], **variable_bounds
     )
-    rows = _rows(marionette, start_at_rest, variable_bounds["tension_low"])
+    rows = _row_arrays(marionette, start_at_rest, variable_bounds["tension_low"])
     result = marionette.libraries.reach.find(
         places,
         {
@@ -128,7 +128,7 @@ def reach(
     return poses
 
 
-def _targets(
+def _target_arrays(
     marionette: Marionette, targets: Mapping[TargetKey, Any]
 ) -> tuple[Array, dict[str, np.ndarray]]:
     """Places (n, n_targets, 3), and arrays that describe the targets."""
@@ -138,8 +138,9 @@ def _targets(
     bodies = [link.name for link in tree.links]
     columns = {table.q_D[q]: v for q, v in table.scalars_D}
     columns |= {table.q_K[q]: table.n_vD + v for q, v in table.scalars_K}
-    links, places, at = [], [], []
-    column_of_target, moves = [], np.zeros((len(targets), table.n_vD + table.n_vK), dtype=bool)
+    links, places, points = [], [], []
+    column_of_target = []
+    moving_mask = np.zeros((len(targets), table.n_vD + table.n_vK), dtype=bool)
     for i, (target, place) in enumerate(targets.items()):
         name, point = target if isinstance(target, tuple) else (target, (0.0, 0.0, 0.0))
         is_body = name in bodies
@@ -149,11 +150,11 @@ def _targets(
             raise StateError(f"reach: the point of {name} is {point!r}; needed: three numbers")
         links.append(bodies.index(name) if is_body else -1)
         column_of_target.append(-1 if is_body else columns[name])
-        at.append(point)
-        moves[i] = relations(tree)[0][links[-1]] if is_body else False
+        points.append(point)
+        moving_mask[i] = relations(tree)[0][links[-1]] if is_body else False
         if not is_body:
-            moves[i, columns[name]] = True
-        places.append(_places(name, place, is_body))
+            moving_mask[i, columns[name]] = True
+        places.append(_place_rows(name, place, is_body))
     sizes = {len(x) for x in places if len(x) != 1}
     if len(sizes) > 1:
         raise StateError(f"reach: targets have {sorted(sizes)} places; needed: one number of them")
@@ -162,13 +163,13 @@ def _targets(
     arrays = {
         "links": np.array(links),
         "columns": np.array(column_of_target),
-        "at": np.array(at, dtype=float),
-        "moves": moves,
+        "at": np.array(points, dtype=float),
+        "moves": moving_mask,
     }
     return all_places, arrays
 
 
-def _weights(targets: Mapping[TargetKey, Any], weights: Mapping[TargetKey, float]) -> Array:
+def _target_weights(targets: Mapping[TargetKey, Any], weights: Mapping[TargetKey, float]) -> Array:
     """(n_targets,) weights of squared distances."""
     for target, weight in weights.items():
         if target not in targets:
@@ -177,18 +178,18 @@ def _weights(targets: Mapping[TargetKey, Any], weights: Mapping[TargetKey, float
     return np.array([weights.get(target, 1.0) for target in targets], dtype=float)
 
 
-def _places(name: str, place: Any, is_body: bool) -> Array:
+def _place_rows(name: str, place: Any, is_body: bool) -> Array:
     """(n, 3) places; for a coordinate the value is the first number, and the others are free."""
     rows = np.asarray(place, dtype=float)
     if is_body and rows.ndim in (1, 2) and rows.shape[-1] == 3 and rows.size:
         rows = rows.reshape(-1, 3)
     elif not is_body and rows.ndim < 2 and rows.size:
-        free = np.full((rows.size, 2), np.nan)
-        rows = np.concatenate([rows.reshape(-1, 1), free], axis=1)
+        free_axes = np.full((rows.size, 2), np.nan)
+        rows = np.concatenate([rows.reshape(-1, 1), free_axes], axis=1)
     else:
-        needed = "(3,) or (n, 3)" if is_body else "() or (n,)"
+        allowed = "(3,) or (n, 3)" if is_body else "() or (n,)"
         raise StateError(
-            f"reach: the target of {name} has the shape {rows.shape}; it takes {needed}"
+            f"reach: the target of {name} has the shape {rows.shape}; it takes {allowed}"
         )
     if np.any(np.isinf(rows)) or np.all(np.isnan(rows)):
         raise StateError(f"reach: the target of {name} has infinite numbers, or none at all")
@@ -214,17 +215,17 @@ def _variable_bounds(
     for v in bounds.held_velocities(table):
         low[v] = high[v] = start_values.get(v, 0.0)
     index = marionette.parameter_index
-    for name, (a, b) in parameters.items():
+    for name, (lower, upper) in parameters.items():
         if name not in index:
             raise UnknownNameError("parameter", name, list(index))
-        if not a <= marionette.p[index[name]] <= b or not np.isfinite(a + b):
+        if not lower <= marionette.p[index[name]] <= upper or not np.isfinite(lower + upper):
             raise StateError(
                 f"reach: the parameter {name} is {marionette.p[index[name]]:g} and is to lie from "
-                f"{a:g} to {b:g}; needed: finite bounds on both sides of it"
+                f"{lower:g} to {upper:g}; needed: finite bounds on both sides of it"
             )
-        for bound in (a, b):
+        for bound in (lower, upper):
             marionette.with_parameters({name: bound})
-        low[k + index[name]], high[k + index[name]] = a, b
+        low[k + index[name]], high[k + index[name]] = lower, upper
     rows, lowest, highest = bounds.tensions(marionette)
     tension_low = np.where(marionette.two_sided, -np.inf, 0.0)
     tension_high = np.full(len(tension_low), _MAX_TENSION * (marionette.weight or 1.0))
@@ -241,7 +242,7 @@ def _variable_bounds(
     }
 
 
-def _rows(marionette: Marionette, x0: State, tension_low: Array) -> dict[str, np.ndarray]:
+def _row_arrays(marionette: Marionette, x0: State, tension_low: Array) -> dict[str, np.ndarray]:
     """Tensions at the start, the taut rows, and the rows that may become taut or slack."""
     dynamics = marionette.forward_dynamics(x0)
     tension, length_index = dynamics.tension, np.full(len(dynamics.tension), -1)

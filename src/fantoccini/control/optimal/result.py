@@ -17,13 +17,13 @@ from fantoccini.control.tasks import (
     Answer,
     AnswerStatus,
     Bounds,
+    ClosestApproach,
     NodeKinematics,
     Nodes,
     Task,
-    Touched,
     Track,
-    path_of,
-    residual_of,
+    track_path,
+    track_residual,
 )
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import Input, Trajectory
@@ -51,7 +51,8 @@ class Optimum(Answer):
             relative to the gradient, and of the decrease predicted by the slope, relative to J.
         violation: largest violation of bounds in the run [N, m, rad or their rates].
         end_gap: largest error at the end [m, rad or their rates].
-        touched: distances and times of the run's closest approaches to the places of touches.
+        closest_approaches: distances and times of the run's closest approaches to the places of
+            touches.
         iterations: number of iterations.
         seconds: time that they took [s].
         curve: (seconds, cost) after every iteration.
@@ -67,7 +68,7 @@ class Optimum(Answer):
     stationarity: float
     violation: float
     end_gap: float
-    touched: tuple[Touched, ...]
+    closest_approaches: tuple[ClosestApproach, ...]
     iterations: int
     seconds: float
     curve: tuple[tuple[float, float], ...]
@@ -95,13 +96,13 @@ class Optimum(Answer):
     @property
     def parameters(self) -> dict[str, float]:
         """The values of the parameters that were chosen."""
-        names = self._runs.chosen.names
+        names = self._runs.free_parameters.names
         return dict(zip(names, self.nodes.parameters.tolist(), strict=True))
 
     @property
     def marionette(self) -> Marionette:
         """The puppet with the parameters that were chosen."""
-        return self._runs.chosen.marionette(self.nodes.parameters)
+        return self._runs.free_parameters.marionette(self.nodes.parameters)
 
     @property
     def t(self) -> Times:
@@ -125,8 +126,8 @@ class Optimum(Answer):
 
         z = (dq_D, dv_D, dq_K, dv_K); for the cost without jerks, without active bounds.
         """
-        at = self._iterate
-        linear = self._runs.linearise(at.nodes, at.ends)
+        iterate = self._iterate
+        linear = self._runs.linearise(iterate.nodes, iterate.ends)
         task = replace(
             self.task,
             bounds=self.bounds,
@@ -136,10 +137,10 @@ class Optimum(Answer):
             smooth=replace(self.task.smooth, jerk=0.0),
         )
         objective = Objective(task)
-        nodes = replace(at.nodes, parameters=np.zeros(0))
+        nodes = replace(iterate.nodes, parameters=np.zeros(0))
         objective.set_unit(nodes, linear)
-        program = objective.program(nodes, linear, _GAIN_DAMPING * objective.unit, at.force)
-        return objective.widened_gains(program.gains)
+        program = objective.program(nodes, linear, _GAIN_DAMPING * objective.unit, iterate.force)
+        return objective.expanded_gains(program.gains)
 
     def errors(self) -> dict[str, Array]:
         """Name of every track -> (N + 1,) |r| at the nodes, the distance from its path.
@@ -151,7 +152,7 @@ class Optimum(Answer):
         for name, track in self._named_tracks():
             if track.kind == "tension":
                 continue
-            r = residual_of(self.task.marionette, track, self.nodes).value(evaluation)
+            r = track_residual(self.task.marionette, track, self.nodes).value(evaluation)
             errors[name] = np.linalg.norm(r, axis=1)
         return errors
 
@@ -166,7 +167,7 @@ class Optimum(Answer):
         for name, track in self._named_tracks():
             if track.kind != "point":
                 continue
-            offset = residual_of(self.task.marionette, track, self.nodes).value(evaluation)
+            offset = track_residual(self.task.marionette, track, self.nodes).value(evaluation)
             path = self.target(track)
             paths[name] = path, path + offset
         return paths
@@ -185,7 +186,7 @@ class Optimum(Answer):
 
     def target(self, track: Track) -> Array:
         """(N + 1, m) path of a track at the nodes."""
-        return path_of(self.task.marionette, track, self.t)
+        return track_path(self.task.marionette, track, self.t)
 
     def plot(self, path: str | Path, **options: Any) -> Path:
         """Draws the puppet with the paths of its points, its errors, tensions and inputs.
@@ -236,7 +237,7 @@ class Optimum(Answer):
             lines.append(f"{name} = {value:.6g}")
         for name, e in self.rms().items():
             lines.append(f"{name}: {e:.3g} from its path (root mean square)")
-        lines += [str(touched) for touched in self.touched]
+        lines += [str(approach) for approach in self.closest_approaches]
         if self.task.required_end is not None:
             lines.append(f"ends within {self.end_gap:.2g} of the required state")
         if self.violation:

@@ -20,7 +20,7 @@ _TIME_ROUNDING = 1e-9
 """Rounding error of times [s]."""
 
 
-def uninterrupted(
+def simulate_uninterrupted(
     marionette: Marionette, x0: State, inputs: Input, end: float, **options: Any
 ) -> Trajectory:
     """The run of given inputs, with any status.
@@ -40,13 +40,13 @@ class EventRuns:
 
     Attributes:
         steps: time steps for the derivatives.
-        chosen: the puppet and its start, as functions of the chosen parameters.
-        until: time of ``time.perf_counter`` at which a run is abandoned [s].
+        free_parameters: the puppet and its start, as functions of the chosen parameters.
+        deadline: time of ``time.perf_counter`` at which a run is abandoned [s].
     """
 
     steps: TimeSteps
-    chosen: ChosenParameters
-    until: float = np.inf
+    free_parameters: ChosenParameters
+    deadline: float = np.inf
 
     def linearise(self, nodes: Nodes, ends: Ends) -> LinearEnds:
         """See :class:`fantoccini.control.optimal.sqp.Shooting`."""
@@ -59,18 +59,18 @@ class EventRuns:
             return self.steps.linearise(nodes)
         return self.steps.extrapolated(nodes)
 
-    def moved(self, nodes: Nodes, z: Array, u: Array, c: Array) -> tuple[Nodes, Ends] | None:
+    def after_step(self, nodes: Nodes, z: Array, u: Array, c: Array) -> tuple[Nodes, Ends] | None:
         """See :class:`fantoccini.control.optimal.sqp.Shooting`."""
-        nodes_and_run = self.run(nodes.moved(z, u, c))
+        nodes_and_run = self.run(nodes.after_step(z, u, c))
         return None if nodes_and_run is None else (nodes_and_run[0], self.ends(*nodes_and_run))
 
     def run(self, nodes: Nodes) -> tuple[Nodes, Trajectory] | None:
         """The run of the nodes' inputs, and the nodes with its states; None if it fails."""
         t = nodes.t
         try:
-            marionette = self.chosen.marionette(nodes.parameters)
-            x0 = self.chosen.start(nodes.parameters)
-            run = uninterrupted(
+            marionette = self.free_parameters.marionette(nodes.parameters)
+            x0 = self.free_parameters.start(nodes.parameters)
+            run = simulate_uninterrupted(
                 marionette, x0, nodes.inputs(), t[-1], save_at=t, progress=self._check_time
             )
         except (SimulationError, StateError, TimeoutError):
@@ -83,7 +83,7 @@ class EventRuns:
 
     def _check_time(self, _: Progress) -> None:
         """Raises TimeoutError after the time limit."""
-        if time.perf_counter() > self.until:
+        if time.perf_counter() > self.deadline:
             raise TimeoutError
 
     def ends(self, nodes: Nodes, run: Trajectory) -> Ends:
@@ -105,12 +105,12 @@ class StepRuns(EventRuns):
     """
 
     def run(self, nodes: Nodes) -> tuple[Nodes, Trajectory] | None:
-        m, dt = self.steps.steps(nodes.interval)
+        m, dt = self.steps.split(nodes.interval)
         method = TimeStepping(dt=dt, extrapolate=False)
         try:
-            run = uninterrupted(
-                self.chosen.marionette(nodes.parameters),
-                self.chosen.start(nodes.parameters),
+            run = simulate_uninterrupted(
+                self.free_parameters.marionette(nodes.parameters),
+                self.free_parameters.start(nodes.parameters),
                 nodes.inputs(),
                 nodes.t[-1],
                 method=method,
@@ -123,7 +123,7 @@ class StepRuns(EventRuns):
         return replace(nodes, run=run, **states), run
 
     def ends(self, nodes: Nodes, run: Trajectory) -> Ends:
-        m, _ = self.steps.steps(nodes.interval)
+        m, _ = self.steps.split(nodes.interval)
         tension = np.concatenate([run.tension.values, run.limit_force.values], axis=1)[1::m]
         e = np.zeros((len(nodes), nodes.n_z))
         return Ends(e, tension, tension > 0.0, np.ones(len(nodes), dtype=bool))

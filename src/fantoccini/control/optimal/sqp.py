@@ -40,7 +40,7 @@ class Shooting(Protocol):
     def linearise(self, nodes: Nodes, ends: Ends) -> LinearEnds:
         """The same ends with derivatives."""
 
-    def moved(self, nodes: Nodes, z: Array, u: Array, c: Array) -> tuple[Nodes, Ends] | None:
+    def after_step(self, nodes: Nodes, z: Array, u: Array, c: Array) -> tuple[Nodes, Ends] | None:
         """The nodes after a step, and the ends of their intervals; None if there is no motion."""
 
 
@@ -65,7 +65,7 @@ class SearchSettings:
     """Largest damping at which small steps count as settled, in units of the cost."""
     theta_margin: float = 1e-5
     """Share of theta by which theta or phi must decrease."""
-    powers: tuple[float, float] = (2.3, 1.1)
+    exponents: tuple[float, float] = (2.3, 1.1)
     """Exponents of the predicted decrease, and of theta, in their comparison."""
     max_gap_ratio: float = 0.5
     """Ratio of theta after and before a step above which the weight of the gap is raised."""
@@ -79,7 +79,7 @@ class SearchSettings:
 
 
 SETTINGS = SearchSettings()
-_MIN_SIZE = 1e-300
+_MIN_DIVISOR = 1e-300
 """Lower bound of sizes and predicted decreases, to keep them above 0."""
 
 
@@ -111,7 +111,10 @@ class Filter:
         ):
             return False
         rounding = 1e-13 * abs(phi)
-        if phi_change < 0.0 and (-phi_change) ** SETTINGS.powers[0] > theta ** SETTINGS.powers[1]:
+        if (
+            phi_change < 0.0
+            and (-phi_change) ** SETTINGS.exponents[0] > theta ** SETTINGS.exponents[1]
+        ):
             return after[1] <= phi + MIN_DECREASE_RATIO * phi_change + rounding
         if after[0] <= margin * theta < theta or after[1] <= phi - SETTINGS.theta_margin * theta:
             self._pairs.append(before)
@@ -215,13 +218,13 @@ class Search:
 
         If even the program violates rows, their price is too low or they are contradictory.
         """
-        at, objective = self.best, self.objective
+        best, objective = self.best, self.objective
         if not is_accepted:
-            at.damping *= SETTINGS.damping_factor**2
-        at.stalled = at.damping > min(self._limits.damping, SETTINGS.max_damping)
+            best.damping *= SETTINGS.damping_factor**2
+        best.stalled = best.damping > min(self._limits.damping, SETTINGS.max_damping)
         price_is_highest = objective.price >= SETTINGS.max_price * objective.unit
         if (
-            at.stalled
+            best.stalled
             or step is None
             or step.predicted_violation <= self._limits.tolerance
             or price_is_highest
@@ -232,73 +235,73 @@ class Search:
 
     def step(self) -> _Step | None:
         """A step from the best motion, None without one; updates the motion's residuals."""
-        at, objective = self.best, self.objective
+        best, objective = self.best, self.objective
         if len(objective.touches):
-            at.nodes = objective.touches.with_moments(at.nodes)
-        linear = self._shooting.linearise(at.nodes, at.ends)
+            best.nodes = objective.touches.with_moments(best.nodes)
+        linear = self._shooting.linearise(best.nodes, best.ends)
         if not objective.unit:
-            objective.set_unit(at.nodes, linear)
-        damping = objective.unit * at.damping
-        program = objective.program(at.nodes, linear, damping, at.force)
-        size = max(float(np.max(np.abs(program.g))), _MIN_SIZE)
-        solution = self._solver.solve(program, min(size, objective.unit))
+            objective.set_unit(best.nodes, linear)
+        damping = objective.unit * best.damping
+        program = objective.program(best.nodes, linear, damping, best.force)
+        gradient_size = max(float(np.max(np.abs(program.g))), _MIN_DIVISOR)
+        solution = self._solver.solve(program, min(gradient_size, objective.unit))
         if not solution.solved:
             return None
         u, z = solution.u, solution.z[1:]
         step = np.concatenate([u, z], axis=1)
         Hd = hessian_product(program, solution)
         curvature = float(np.sum(step * Hd))
-        gap, violation = objective.gap(at.nodes), objective.rows.violation(at.nodes, linear)
-        at.defect = float(max(np.max(np.abs(linear.e)), np.max(np.abs(gap))))
-        at.violation = float(np.max(violation, initial=0.0))
-        at.solution = solution
-        z, u, c = objective.widened(solution)
-        weight, (closed, force) = (
-            objective.end_weight,
-            objective.closed_gap(at.nodes, z, c, at.force),
-        )
+        gap, violation = objective.gap(best.nodes), objective.rows.violation(best.nodes, linear)
+        best.defect = float(max(np.max(np.abs(linear.e)), np.max(np.abs(gap))))
+        best.violation = float(np.max(violation, initial=0.0))
+        best.solution = solution
+        z, u, c = objective.expanded(solution)
+        weight = objective.end_weight
+        gap_change, force = objective.gap_change(best.nodes, z, c, best.force)
         price = objective.price
-        rows_fall = price * float(np.sum(violation) - np.sum(solution.violation))
-        merit_slope = float(np.sum(program.g * step)) - rows_fall
-        phi_slope = merit_slope + float((weight * gap + at.force) @ closed)
+        violation_decrease = price * float(np.sum(violation) - np.sum(solution.violation))
+        merit_slope = float(np.sum(program.g * step)) - violation_decrease
+        phi_slope = merit_slope + float((weight * gap + best.force) @ gap_change)
         # The first part is the gradient of the Lagrangian with the step's multipliers, damping
         # included. A step that ends short of a bound, as in the interior point method, may predict
         # no decrease although the bound is not reached: so its remaining gap counts as well.
         # The weight of the end is no residual: it only shifts multipliers of the gradient.
         at_end = solution.u.shape[1] + objective.end_indices
         Hd[-1, at_end] -= objective.end_weight * step[-1, at_end]
-        gradient_change = float(np.max(np.abs(Hd))) / size
-        predicted_decrease = -min(phi_slope, 0.0) / max(abs(at.cost), _MIN_SIZE)
-        duality_gap = solution.gap / max(abs(at.cost), _MIN_SIZE)
+        gradient_change = float(np.max(np.abs(Hd))) / gradient_size
+        predicted_decrease = -min(phi_slope, 0.0) / max(abs(best.cost), _MIN_DIVISOR)
+        duality_gap = solution.gap / max(abs(best.cost), _MIN_DIVISOR)
         max_duality_gap = SETTINGS.gap_share * max(predicted_decrease, self._limits.tolerance)
         finer_tolerance = self._solver.tolerance
         if duality_gap > max_duality_gap and finer_tolerance > SETTINGS.min_tolerance:
             finer_tolerance *= SETTINGS.gap_share * max_duality_gap / duality_gap
             self._solver = StageSolver(max(finer_tolerance, SETTINGS.min_tolerance))
             return self.step()
-        at.stationarity = max(min(gradient_change, 1.0), min(predicted_decrease + duality_gap, 1.0))
+        best.stationarity = max(
+            min(gradient_change, 1.0), min(predicted_decrease + duality_gap, 1.0)
+        )
         return _Step(
             z,
             u,
             c,
             theta=float(np.sum(np.abs(linear.e)) + np.sum(np.abs(gap))),
-            phi=(phi := at.cost + price * float(np.sum(violation))),
+            phi=(phi := best.cost + price * float(np.sum(violation))),
             phi_slope=phi_slope,
             curvature=curvature,
-            merit=phi + _gap_cost(gap, weight, at.force),
+            merit=phi + _gap_cost(gap, weight, best.force),
             merit_slope=merit_slope,
             force=force,
             predicted_violation=float(np.max(solution.violation, initial=0.0)),
             program=program,
             solution=solution,
-            value=objective.rows.values(at.nodes, linear)[0],
+            value=objective.rows.values(best.nodes, linear)[0],
         )
 
     def try_step(self, step: _Step) -> Iterate | None:
         """The motion after the largest accepted part of a step; None if all are rejected."""
-        at, objective = self.best, self.objective
-        for alpha, (nodes, ends) in self._trials(step):
-            if objective.rows.n_slack(ends) > objective.rows.n_slack(at.ends):
+        best, objective = self.best, self.objective
+        for alpha, (nodes, ends) in self._trial_motions(step):
+            if objective.rows.n_slack(ends) > objective.rows.n_slack(best.ends):
                 continue  # a slack string has no derivative that would pull it taut again
             cost = objective.cost(nodes, ends)
             phi = cost + objective.price * float(np.sum(objective.rows.violation(nodes, ends)))
@@ -308,12 +311,15 @@ class Search:
                 (step.theta, step.phi), (theta, phi), alpha * step.phi_slope
             ):
                 continue
-            merit = phi + _gap_cost(gap, objective.end_weight, at.force)
-            predicted = max(-alpha * (step.merit_slope + 0.5 * alpha * step.curvature), _MIN_SIZE)
+            merit = phi + _gap_cost(gap, objective.end_weight, best.force)
+            predicted_decrease = max(
+                -alpha * (step.merit_slope + 0.5 * alpha * step.curvature), _MIN_DIVISOR
+            )
             limits = self._limits
             small_decrease = limits.cost_tolerance * abs(step.phi)
             is_small = (
-                abs(step.phi - phi) <= small_decrease and at.damping <= SETTINGS.max_settled_damping
+                abs(step.phi - phi) <= small_decrease
+                and best.damping <= SETTINGS.max_settled_damping
             )
             is_small = is_small and step.theta <= SETTINGS.max_settled_theta * limits.tolerance
             # A shortened step decreases little in any case: its prediction must also be small.
@@ -322,22 +328,24 @@ class Search:
             if theta > SETTINGS.max_gap_ratio * step.theta > limits.tolerance:
                 objective.raise_end_weight()
             return replace(
-                at,
+                best,
                 nodes=nodes,
                 ends=ends,
                 cost=cost,
                 force=step.force,
-                damping=_next_damping(at.damping, alpha, (step.merit - merit) / predicted),
+                damping=_next_damping(
+                    best.damping, alpha, (step.merit - merit) / predicted_decrease
+                ),
                 settled=settled,
             )
         return None
 
-    def _trials(self, step: _Step) -> Iterator[tuple[float, tuple[Nodes, Ends]]]:
+    def _trial_motions(self, step: _Step) -> Iterator[tuple[float, tuple[Nodes, Ends]]]:
         """Shares of a step and their motions: the full step, its corrections, then halves."""
-        at, moved = self.best, self._shooting.moved
+        best, after_step = self.best, self._shooting.after_step
         for halving in range(SETTINGS.max_halvings):
             alpha = 0.5**halving
-            nodes_and_ends = moved(at.nodes, alpha * step.z, alpha * step.u, alpha * step.c)
+            nodes_and_ends = after_step(best.nodes, alpha * step.z, alpha * step.u, alpha * step.c)
             if nodes_and_ends is not None:
                 yield alpha, nodes_and_ends
             corrections = SETTINGS.max_corrections if halving == 0 else 0
@@ -348,14 +356,16 @@ class Search:
                 ):
                     break
                 value = self.objective.rows.values(*nodes_and_ends)[0]
-                solution = self._corrected(step, solution, value)
+                solution = self._second_order_correction(step, solution, value)
                 if not solution.solved:
                     break
-                nodes_and_ends = moved(at.nodes, *self.objective.widened(solution))
+                nodes_and_ends = after_step(best.nodes, *self.objective.expanded(solution))
                 if nodes_and_ends is not None:
                     yield alpha, nodes_and_ends
 
-    def _corrected(self, step: _Step, solution: StageSolution, value: Array) -> StageSolution:
+    def _second_order_correction(
+        self, step: _Step, solution: StageSolution, value: Array
+    ) -> StageSolution:
         """A step with the curvature of the rows taken from another step.
 
         It is the second-order correction (Fletcher, Practical Methods of Optimization, 1987): a
@@ -373,14 +383,20 @@ class Search:
         nonlinearity -= np.einsum("nmj,nj->nm", C[..., s:], current)
         low, high = (step.program.row_low - nonlinearity, step.program.row_high - nonlinearity)
         program = replace(step.program, row_low=low, row_high=high)
-        size = max(float(np.max(np.abs(program.g))), _MIN_SIZE)
-        return self._solver.solve(program, min(size, self.objective.unit))
+        gradient_size = max(float(np.max(np.abs(program.g))), _MIN_DIVISOR)
+        return self._solver.solve(program, min(gradient_size, self.objective.unit))
 
 
-def merit(objective: Objective, at: Iterate, force: Array | float) -> float:
+def merit(objective: Objective, iterate: Iterate, force: Array | float) -> float:
     """J of an iterate plus the cost of its gap and violated rows, with the gap's multipliers."""
-    violation = objective.price * float(np.sum(objective.rows.violation(at.nodes, at.ends)))
-    return at.cost + violation + _gap_cost(objective.gap(at.nodes), objective.end_weight, force)
+    violation = objective.price * float(
+        np.sum(objective.rows.violation(iterate.nodes, iterate.ends))
+    )
+    return (
+        iterate.cost
+        + violation
+        + _gap_cost(objective.gap(iterate.nodes), objective.end_weight, force)
+    )
 
 
 def _gap_cost(gap: Array, weight: float, force: Array | float) -> float:

@@ -34,13 +34,13 @@ import numpy as np
 from fantoccini.base import Array, Indices, Times, rotation, tangent
 from fantoccini.control.optimal.dynamics import LinearEnds
 from fantoccini.control.optimal.moments import OffsetFunction, Window, nearest_times
-from fantoccini.control.tasks import ChosenParameters, Nodes, Task, Touched
+from fantoccini.control.tasks import ChosenParameters, ClosestApproach, Nodes, Task
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import Trajectory
 
-_DIFFERENCE = 1e-5
+_DIFFERENCE_STEP = 1e-5
 """Step of central differences [m, rad and their rates]; relative for the length of an interval."""
-_TIME_DIFFERENCE = 1e-3
+_TIME_DIFFERENCE_STEP = 1e-3
 """Step of central differences in time, relative to an interval."""
 _SAMPLES_PER_INTERVAL = 6
 """Number of samples in an interval with which the search for moments begins."""
@@ -60,18 +60,18 @@ class TouchTerm:
     """The term slope . d + 1/2 d^T curvature d, d the changes of a point and its scaled velocity.
 
     Attributes:
-        by: (6, 2 n_z + 1 + n_p) derivatives of d, with the columns of :class:`Moments`.
+        derivatives: (6, 2 n_z + 1 + n_p) derivatives of d, with the columns of :class:`Moments`.
         curvature: (6, 6) matrix, positive semi-definite.
         slope: (6,) gradient.
-        closed: (3, 2 n_z + 1 + n_p) derivatives of the change of the distance in a step.
-        closed_by_moment: (3,) change of the distance by the change of the moment alone.
+        gap_derivatives: (3, 2 n_z + 1 + n_p) derivatives of the change of the distance in a step.
+        moment_change: (3,) change of the distance by the change of the moment alone.
     """
 
-    by: Array
+    derivatives: Array
     curvature: Array
     slope: Array
-    closed: Array
-    closed_by_moment: Array
+    gap_derivatives: Array
+    moment_change: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,8 +87,8 @@ class Moments:
         r: (T, 3) offsets of the points from the places [m].
         v: (T, 3) velocities of the points [m/s].
         acc: (T, 3) accelerations of the points [m/s^2].
-        by, v_by: (T, 3, 2 n_z + 1 + n_p) derivatives of r and v by the states before and after the
-            interval, the length of all intervals and the parameters.
+        r_derivatives, v_derivatives: (T, 3, 2 n_z + 1 + n_p) derivatives of r and v by the states
+            before and after the interval, the length of all intervals and the parameters.
     """
 
     t: Times
@@ -98,8 +98,8 @@ class Moments:
     r: Array
     v: Array
     acc: Array
-    by: Array
-    v_by: Array
+    r_derivatives: Array
+    v_derivatives: Array
 
     def terms_of(self, weight: float, force: Array) -> list[TouchTerm]:
         """The terms of all touches.
@@ -112,37 +112,37 @@ class Moments:
         for j, (r, v) in enumerate(zip(self.r, self.v, strict=True)):
             f, scale = weight * r - force[j], _MAX_MOMENT_CHANGE * self.widths[j]
             curvature, direction, slope = np.zeros((6, 6)), np.zeros(6), np.append(f, np.zeros(3))
-            closed_by_moment = np.zeros(3)
+            moment_change = np.zeros(3)
             curvature[:3, :3] = weight * np.eye(3)
             if self.edge[j] == 0.0 or (f @ v) * self.edge[j] > 0.0:
                 moment_curvature = weight * (v @ v + r @ r / scale**2) + max(
                     -force[j] @ self.acc[j], 0.0
                 )
                 if moment_curvature > 0.0:
-                    mixed = np.append(weight * v, -force[j] / scale)  # w, for scaled velocities
-                    direction = mixed / moment_curvature
-                    curvature -= np.outer(mixed, direction)
+                    w = np.append(weight * v, -force[j] / scale)  # w, for scaled velocities
+                    direction = w / moment_curvature
+                    curvature -= np.outer(w, direction)
                     slope -= direction * (f @ v)
-                    closed_by_moment = -v * (f @ v) / moment_curvature
+                    moment_change = -v * (f @ v) / moment_curvature
             values, vectors = np.linalg.eigh(curvature)
             curvature = (vectors * np.maximum(values, 0.0)) @ vectors.T
-            derivatives = np.concatenate([self.by[j], scale * self.v_by[j]])
-            closed = self.by[j] - np.outer(v, direction @ derivatives)
-            terms.append(TouchTerm(derivatives, curvature, slope, closed, closed_by_moment))
+            derivatives = np.concatenate([self.r_derivatives[j], scale * self.v_derivatives[j]])
+            gap_derivatives = self.r_derivatives[j] - np.outer(v, direction @ derivatives)
+            terms.append(TouchTerm(derivatives, curvature, slope, gap_derivatives, moment_change))
         return terms
 
 
-class Touches:
+class TouchTerms:
     """The touches of a task, and their terms in programs.
 
     Args:
         task: see :class:`Task`.
-        chosen: the parameters chosen along with the motion.
+        free_parameters: the parameters chosen along with the motion.
     """
 
-    def __init__(self, task: Task, chosen: ChosenParameters):
+    def __init__(self, task: Task, free_parameters: ChosenParameters):
         marionette = task.marionette
-        self._touches, self._chosen = task.touches, chosen
+        self._touches, self._free_parameters = task.touches, free_parameters
         self._links = [marionette.link_index(touch.body) for touch in task.touches]
         self._places = np.array([touch.place for touch in task.touches], float).reshape(-1, 3)
         self._points = np.array([touch.at for touch in task.touches], float).reshape(-1, 3)
@@ -155,7 +155,7 @@ class Touches:
         """(3 T,) vectors from the points to the places at the moments of nearest approach [m]."""
         return -np.ravel(self.moments(nodes).r) if len(self) else np.zeros(0)
 
-    def closed_gap(
+    def gap_change(
         self, nodes: Nodes, z: Array, c: Array, weight: float, force: Array
     ) -> tuple[Array, Array]:
         """(3 T,) predicted changes of the gap in a step: in total, and by changes of moments alone.
@@ -171,8 +171,8 @@ class Touches:
             [z[moments.intervals], z[moments.intervals + 1], np.tile(c, (len(self), 1))], axis=1
         )
         terms = moments.terms_of(weight, force.reshape(-1, 3))
-        closed = [term.closed @ d for term, d in zip(terms, changes, strict=True)]
-        return np.ravel(closed), np.ravel([term.closed_by_moment for term in terms])
+        gap_changes = [term.gap_derivatives @ d for term, d in zip(terms, changes, strict=True)]
+        return np.ravel(gap_changes), np.ravel([term.moment_change for term in terms])
 
     def with_moments(self, nodes: Nodes) -> Nodes:
         """The same nodes with their moments, so that the next search begins near these."""
@@ -184,7 +184,7 @@ class Touches:
         self,
         nodes: Nodes,
         linear: LinearEnds,
-        c: Indices,
+        constant_indices: Indices,
         weight: float,
         force: Array,
         H: Array,
@@ -197,7 +197,7 @@ class Touches:
 
         Args:
             nodes, linear: the motion, with some of its constants as further states.
-            c: indices of these constants.
+            constant_indices: indices of these constants.
             weight: weight of half the squares.
             force: (3 T,) multipliers.
             H, g, cross, Q, q: see :meth:`Objective.program`.
@@ -208,8 +208,14 @@ class Touches:
         for i, term in zip(
             moments.intervals, moments.terms_of(weight, force.reshape(-1, 3)), strict=True
         ):
-            J_0 = np.pad(term.by[:, :n_z], ((0, 0), (0, len(c))))
-            J_1 = np.concatenate([term.by[:, n_z : 2 * n_z], term.by[:, 2 * n_z + c]], axis=1)
+            J_0 = np.pad(term.derivatives[:, :n_z], ((0, 0), (0, len(constant_indices))))
+            J_1 = np.concatenate(
+                [
+                    term.derivatives[:, n_z : 2 * n_z],
+                    term.derivatives[:, 2 * n_z + constant_indices],
+                ],
+                axis=1,
+            )
             J_z, J_u = J_0 + J_1 @ linear.A[i], J_1 @ linear.B[i]
             curvature, slope = term.curvature, term.slope + term.curvature @ (J_1 @ linear.e[i])
             H[i, :k, :k] += J_u.T @ curvature @ J_u
@@ -219,7 +225,7 @@ class Touches:
             matrix += J_z.T @ curvature @ J_z
             vector += J_z.T @ slope
 
-    def closest_approaches(self, run: Trajectory, parameters: Array) -> tuple[Touched, ...]:
+    def closest_approaches(self, run: Trajectory, parameters: Array) -> tuple[ClosestApproach, ...]:
         """Times and distances at which a run comes closest to the places."""
         if not len(self):
             return ()
@@ -227,11 +233,11 @@ class Touches:
         step = (run.t[-1] - run.t[0]) / (_SAMPLES_PER_INTERVAL * len(run))
         times = nearest_times(offsets, self._windows(run.t[0], run.t[-1]), step)
         distances = [float(np.linalg.norm(offsets(k, times[k : k + 1]))) for k in range(len(self))]
-        return tuple(map(Touched, self._touches, times.tolist(), distances))
+        return tuple(map(ClosestApproach, self._touches, times.tolist(), distances))
 
     def _offsets_in_run(self, run: Trajectory, parameters: Array) -> OffsetFunction:
         """The offsets of touches along a run, as a function of time."""
-        marionette, first, last = self._chosen.marionette(parameters), run.t[0], run.t[-1]
+        marionette, first, last = self._free_parameters.marionette(parameters), run.t[0], run.t[-1]
 
         def offsets(k: int, times: Times) -> Array:
             states = run.resample(np.clip(times, first, last))
@@ -264,26 +270,32 @@ class Touches:
         edge = 1.0 * (times >= high - _EDGE_TOLERANCE) - 1.0 * (times <= low + _EDGE_TOLERANCE)
         edge[high - low <= 2.0 * _EDGE_TOLERANCE] = np.nan
         intervals = np.clip(((times - nodes.start) / h).astype(int), 0, N - 1)
-        shares = (times - nodes.start) / h - intervals
-        by, v_by = np.zeros((2, n, 3, 2 * nodes.n_z + 1 + len(self._chosen)))
+        fractions = (times - nodes.start) / h - intervals
+        r_derivatives, v_derivatives = np.zeros(
+            (2, n, 3, 2 * nodes.n_z + 1 + len(self._free_parameters))
+        )
         r, v, acc = np.zeros((3, n, 3))
         for k in range(n):
             at_end = times[k] >= end  # the moment moves with the end of the motion
             r[k] = offsets(k, times[k : k + 1])[0]
-            derivatives = self._derivatives(k, nodes, int(intervals[k]), float(shares[k]), at_end)
-            v[k], acc[k], by[k], v_by[k] = derivatives
-        return Moments(times, lengths, intervals, edge, r, v, acc, by, v_by)
+            derivatives = self._derivatives(
+                k, nodes, int(intervals[k]), float(fractions[k]), at_end
+            )
+            v[k], acc[k], r_derivatives[k], v_derivatives[k] = derivatives
+        return Moments(times, lengths, intervals, edge, r, v, acc, r_derivatives, v_derivatives)
 
     def _offsets_between_nodes(self, nodes: Nodes) -> OffsetFunction:
         """The offsets of touches along the curve between nodes, as a function of time."""
-        marionette = self._chosen.marionette(nodes.parameters)
+        marionette = self._free_parameters.marionette(nodes.parameters)
         states: States = (nodes.q_D, nodes.v_D, nodes.q_K, nodes.v_K)
 
         def offsets(k: int, times: Times) -> Array:
-            share = (times - nodes.start) / nodes.interval
-            index = np.clip(share.astype(int), 0, len(nodes) - 1)
-            before, after = (tuple(a[index + shift] for a in states) for shift in (0, 1))
-            q_D, q_K = _between(nodes, before, after, nodes.interval, share - index)
+            fraction = (times - nodes.start) / nodes.interval
+            index = np.clip(fraction.astype(int), 0, len(nodes) - 1)
+            before, after = (tuple(array[index + shift] for array in states) for shift in (0, 1))
+            q_D, q_K = _interpolated_configurations(
+                nodes, before, after, nodes.interval, fraction - index
+            )
             return self._offsets(k, marionette, q_D, q_K)
 
         return offsets
@@ -304,64 +316,71 @@ class Touches:
 
         Moments of touches that must follow one another, or of one point, cannot coincide.
         """
-        t = nodes.moments
-        if t is None:
+        moments = nodes.moments
+        if moments is None:
             return windows
-        low, high = t - widths, t + widths
-        for j, k in itertools.combinations(range(len(t)), 2):
+        low, high = moments - widths, moments + widths
+        for j, k in itertools.combinations(range(len(moments)), 2):
             first, second = self._touches[j], self._touches[k]
             if (first.body, first.at) == (second.body, second.at) or (
                 k == j + 1 and second.in_turn
             ):
-                earlier, later = (j, k) if t[j] <= t[k] else (k, j)
-                max_approach = _MAX_APPROACH * (t[later] - t[earlier])
-                high[earlier] = min(high[earlier], t[earlier] + max_approach)
-                low[later] = max(low[later], t[later] - max_approach)
+                earlier, later = (j, k) if moments[j] <= moments[k] else (k, j)
+                max_approach = _MAX_APPROACH * (moments[later] - moments[earlier])
+                high[earlier] = min(high[earlier], moments[earlier] + max_approach)
+                low[later] = max(low[later], moments[later] - max_approach)
         return [
             Window(
-                min(max(a, window.low), window.high), max(min(b, window.high), window.low), False
+                min(max(lower, window.low), window.high),
+                max(min(upper, window.high), window.low),
+                False,
             )
-            for window, a, b in zip(windows, low, high, strict=True)
+            for window, lower, upper in zip(windows, low, high, strict=True)
         ]
 
     def _derivatives(
-        self, k: int, nodes: Nodes, i: int, share: float, at_end: bool
+        self, k: int, nodes: Nodes, i: int, fraction: float, at_end: bool
     ) -> tuple[Array, Array, Array, Array]:
         """v, acc, and the derivatives of r and v, by central differences.
 
         Args:
             k: index of the touch.
             nodes: the motion.
-            i, share: index of the interval, and share of it that lies before the moment.
+            i, fraction: index of the interval, and share of it that lies before the moment.
             at_end: whether the moment is the end of the motion, which moves with the intervals.
         """
-        h, n_z, n_c = nodes.interval, nodes.n_z, 1 + len(self._chosen)
+        h, n_z, n_c = nodes.interval, nodes.n_z, 1 + len(self._free_parameters)
         z = np.zeros((4 * n_z + 3, 2 * n_z))
-        z[: 2 * n_z], z[2 * n_z : 4 * n_z] = (
-            _DIFFERENCE * np.eye(2 * n_z),
-            -_DIFFERENCE * np.eye(2 * n_z),
-        )
+        z[: 2 * n_z] = _DIFFERENCE_STEP * np.eye(2 * n_z)
+        z[2 * n_z : 4 * n_z] = -_DIFFERENCE_STEP * np.eye(2 * n_z)
         lengths = np.full(len(z), h)
-        lengths[-3:-1] *= [1.0 + _DIFFERENCE, 1.0 - _DIFFERENCE]
-        shares = np.full(len(z), share) if at_end else (i + share) * h / lengths - i
-        before, after = _changed(nodes, i, z[:, :n_z]), _changed(nodes, i + 1, z[:, n_z:])
+        lengths[-3:-1] *= [1.0 + _DIFFERENCE_STEP, 1.0 - _DIFFERENCE_STEP]
+        fractions = np.full(len(z), fraction) if at_end else (i + fraction) * h / lengths - i
+        before = _perturbed_states(nodes, i, z[:, :n_z])
+        after = _perturbed_states(nodes, i + 1, z[:, n_z:])
         offsets, derivatives = np.zeros((3, len(z), 3)), np.zeros((3, 3, 2 * n_z + n_c))
-        for j, shift in enumerate((-_TIME_DIFFERENCE, 0.0, _TIME_DIFFERENCE)):
-            q_D, q_K = _between(nodes, before, after, lengths, shares + shift * h / lengths)
-            offsets[j] = self._offsets(k, self._chosen.marionette(nodes.parameters), q_D, q_K)
+        for j, shift in enumerate((-_TIME_DIFFERENCE_STEP, 0.0, _TIME_DIFFERENCE_STEP)):
+            q_D, q_K = _interpolated_configurations(
+                nodes, before, after, lengths, fractions + shift * h / lengths
+            )
+            offsets[j] = self._offsets(
+                k, self._free_parameters.marionette(nodes.parameters), q_D, q_K
+            )
             derivatives[j, :, : 2 * n_z] = (
                 offsets[j, : 2 * n_z] - offsets[j, 2 * n_z : 4 * n_z]
-            ).T / (2.0 * _DIFFERENCE)
-            derivatives[j, :, 2 * n_z] = (offsets[j, -3] - offsets[j, -2]) / (2.0 * _DIFFERENCE * h)
-            for m, (below, above) in enumerate(self._chosen.neighbours(nodes.parameters)):
+            ).T / (2.0 * _DIFFERENCE_STEP)
+            derivatives[j, :, 2 * n_z] = (offsets[j, -3] - offsets[j, -2]) / (
+                2.0 * _DIFFERENCE_STEP * h
+            )
+            for m, (below, above) in enumerate(self._free_parameters.neighbours(nodes.parameters)):
                 offsets_p = [
-                    self._offsets(k, self._chosen.marionette(p), q_D[-1:], q_K[-1:])[0]
+                    self._offsets(k, self._free_parameters.marionette(p), q_D[-1:], q_K[-1:])[0]
                     for p in (below, above)
                 ]
                 derivatives[j, :, 2 * n_z + 1 + m] = (offsets_p[1] - offsets_p[0]) / (
                     above[m] - below[m]
                 )
-        time_step = _TIME_DIFFERENCE * h
+        time_step = _TIME_DIFFERENCE_STEP * h
         v, acc = (
             (offsets[2, -1] - offsets[0, -1]) / (2.0 * time_step),
             offsets[2, -1] + offsets[0, -1] - 2.0 * offsets[1, -1],
@@ -379,7 +398,7 @@ class Touches:
         return np.asarray(pose[:, :, :3] @ self._points[k] + pose[:, :, 3] - self._places[k])
 
 
-def _changed(nodes: Nodes, i: int, z: Array) -> States:
+def _perturbed_states(nodes: Nodes, i: int, z: Array) -> States:
     """The state of node i, changed by tangent vectors (n, n_z)."""
     dq_D, dv_D, dq_K, dv_K = np.split(z, nodes.splits, axis=1)
     t = nodes.table
@@ -391,15 +410,15 @@ def _changed(nodes: Nodes, i: int, z: Array) -> States:
     )
 
 
-def _between(
-    nodes: Nodes, before: States, after: States, h: Array | float, share: Array
+def _interpolated_configurations(
+    nodes: Nodes, before: States, after: States, h: Array | float, fraction: Array
 ) -> tuple[Array, Array]:
     """Configurations (n, n_qD), (n, n_qK) between two states, cubic in time.
 
     The curve has the positions and velocities of the states, which are h [s] apart.
     """
     t = nodes.table
-    s, h = share[:, None], np.broadcast_to(h, share.shape)[:, None]
+    s, h = fraction[:, None], np.broadcast_to(h, fraction.shape)[:, None]
     configurations = []
     for scalars, quaternions, q, v, p, w in (
         (t.scalars_D, t.quaternions_D, *before[:2], *after[:2]),

@@ -103,9 +103,9 @@ class TrustRegionSearch:
         self.best = start
         self._runs, self._objective, self._limits = runs, objective, limits
         # The end is a set of elastic rows here, not a part of the objective.
-        self._free = Objective(replace(objective.task, end=None))
+        self._relaxed = Objective(replace(objective.task, end=None))
         self._u, self._z = objective.program_indices
-        self._max_acceleration = DrivenConditions.of(objective.task).scale[self._u]
+        self._max_acceleration = DrivenConditions.from_task(objective.task).scale[self._u]
         self._solver, self._radius = StageSolver(), SETTINGS.first_radius
         self._small_steps, self._decrease_ratio = SmallSteps(), -np.inf
         self._linear: LinearEnds | None = None
@@ -116,15 +116,15 @@ class TrustRegionSearch:
 
     def _linearise(self) -> LinearEnds | None:
         """Derivatives of the best motion; None if one of its events has none."""
-        at, free = self.best, self._free
+        best, relaxed = self.best, self._relaxed
         try:
-            linear = self._runs.linearise(at.nodes, at.ends)
+            linear = self._runs.linearise(best.nodes, best.ends)
         except (SimulationError, StateError):
             return None
-        if not free.unit:
-            free.set_unit(at.nodes, linear)
-            self._objective.unit = free.unit
-            free.price = SETTINGS.first_price * free.unit
+        if not relaxed.unit:
+            relaxed.set_unit(best.nodes, linear)
+            self._objective.unit = relaxed.unit
+            relaxed.price = SETTINGS.first_price * relaxed.unit
         return linear
 
     def _gap(self, nodes: Nodes) -> Array:
@@ -135,48 +135,54 @@ class TrustRegionSearch:
         return _elastic_sum(self._gap(nodes)) + _elastic_sum(rows)
 
     def _merit(self, cost: float, nodes: Nodes, ends: Ends) -> float:
-        return cost + self._free.price * self._elastic_violation(nodes, ends)
+        return cost + self._relaxed.price * self._elastic_violation(nodes, ends)
 
     def step(self) -> _Step | None:
         """Next step from the best motion, or None; updates the motion's residuals."""
-        at, objective = self.best, self._objective
+        best, objective = self.best, self._objective
         if self._linear is None:
             self._linear = self._linearise()
         if (linear := self._linear) is None:
-            at.stalled = True
+            best.stalled = True
             return None
-        gap = self._gap(at.nodes)
+        gap = self._gap(best.nodes)
         program = self._program(linear, gap)
         gradient_size = max(float(np.max(np.abs(program.g))), _MIN_DIVISOR)
-        solution = self._solver.solve(program, min(gradient_size, self._free.unit))
+        solution = self._solver.solve(program, min(gradient_size, self._relaxed.unit))
         if not solution.solved:
-            at.stalled = True
+            best.stalled = True
             return None
         Hd = hessian_product(program, solution)
         step = np.concatenate([solution.u, solution.z[1:]], axis=1)
-        remaining = _elastic_sum(solution.violation)
-        slope, price = float(np.sum(program.g * step)), self._free.price
-        violation_decrease = price * (self._elastic_violation(at.nodes, at.ends) - remaining)
+        remaining_violation = _elastic_sum(solution.violation)
+        slope, price = float(np.sum(program.g * step)), self._relaxed.price
+        violation_decrease = price * (
+            self._elastic_violation(best.nodes, best.ends) - remaining_violation
+        )
         phi_decrease = violation_decrease - slope - 0.5 * float(np.sum(step * Hd))
-        at.defect = float(np.max(np.abs(gap), initial=0.0))
-        at.violation = float(np.max(objective.rows.violation(at.nodes, at.ends), initial=0.0))
-        at.solution = solution
+        best.defect = float(np.max(np.abs(gap), initial=0.0))
+        best.violation = float(np.max(objective.rows.violation(best.nodes, best.ends), initial=0.0))
+        best.solution = solution
         relative_size = float(
             np.max(np.abs(solution.u[:, : len(self._u)]) / self._max_acceleration)
         )
         # A step that the trust region bounds says nothing about the size of the gradient.
         gradient_change = float(np.max(np.abs(Hd))) / gradient_size
-        predicted_decrease = max(violation_decrease - slope, 0.0) / max(abs(at.cost), _MIN_DIVISOR)
+        predicted_decrease = max(violation_decrease - slope, 0.0) / max(
+            abs(best.cost), _MIN_DIVISOR
+        )
         is_inside = relative_size < 0.9 * self._radius
-        at.stationarity = (
+        best.stationarity = (
             max(min(gradient_change, 1.0), min(predicted_decrease, 1.0)) if is_inside else 1.0
         )
-        return _Step(linear, solution, phi_decrease, relative_size, remaining, at.stationarity)
+        return _Step(
+            linear, solution, phi_decrease, relative_size, remaining_violation, best.stationarity
+        )
 
     def _program(self, linear: LinearEnds, gap: Array) -> StageProgram:
         """The program of a step within the trust region that moves the end by ``gap``."""
-        at, free, n_u = self.best, self._free, len(self._u)
-        program = free.program(at.nodes, linear, SETTINGS.damping * free.unit, 0.0)
+        best, relaxed, n_u = self.best, self._relaxed, len(self._u)
+        program = relaxed.program(best.nodes, linear, SETTINGS.damping * relaxed.unit, 0.0)
         N, n_z, k = program.B.shape
         radius = self._radius * self._max_acceleration
         low, high = program.low.copy(), program.high.copy()
@@ -186,9 +192,9 @@ class TrustRegionSearch:
         if self._objective.task.end is None:
             required = required[:0]
         m = len(required)
-        C, ends = np.zeros((N, m, 2 * (k + n_z))), np.full((N, m), UNBOUNDED)
+        C, unbounded = np.zeros((N, m, 2 * (k + n_z))), np.full((N, m), UNBOUNDED)
         C[-1, np.arange(m), n_z + 2 * k + required] = 1.0
-        row_low, row_high = -ends, ends
+        row_low, row_high = -unbounded, unbounded
         row_low[-1] = row_high[-1] = gap[required]
         return replace(
             program,
@@ -197,13 +203,13 @@ class TrustRegionSearch:
             C=np.concatenate([program.C, C], axis=1),
             row_low=np.concatenate([program.row_low, row_low], axis=1),
             row_high=np.concatenate([program.row_high, row_high], axis=1),
-            elastic=np.concatenate([program.elastic, np.full((N, m), free.price)], axis=1),
+            elastic=np.concatenate([program.elastic, np.full((N, m), relaxed.price)], axis=1),
         )
 
     def try_step(self, step: _Step) -> Iterate | None:
         """The motion after a step and its corrections; None if the step is rejected."""
-        at, objective = self.best, self._objective
-        merit_before = self._merit(at.cost, at.nodes, at.ends)
+        best, objective = self.best, self._objective
+        merit_before = self._merit(best.cost, best.nodes, best.ends)
         solution, best_motion, best_ratio = step.solution, None, -np.inf
         for correction in range(1 + SETTINGS.max_corrections):
             if correction:
@@ -214,10 +220,10 @@ class TrustRegionSearch:
                     if best_motion is not None
                     else end_change
                 )
-                solution = self._solver.solve(self._program(step.linear, gap), self._free.unit)
+                solution = self._solver.solve(self._program(step.linear, gap), self._relaxed.unit)
             if not solution.solved:
                 break
-            nodes_and_ends = self._runs.moved(at.nodes, *objective.widened(solution))
+            nodes_and_ends = self._runs.after_step(best.nodes, *objective.expanded(solution))
             if nodes_and_ends is None:
                 break
             cost = objective.cost(*nodes_and_ends)
@@ -235,20 +241,20 @@ class TrustRegionSearch:
         limits = self._limits
         is_small = best_ratio * step.phi_decrease <= limits.cost_tolerance * abs(merit_before)
         is_small = is_small and step.size < 0.9 * self._radius
-        is_small = is_small and self._elastic_violation(at.nodes, at.ends) <= limits.tolerance
+        is_small = is_small and self._elastic_violation(best.nodes, best.ends) <= limits.tolerance
         settled = self._small_steps.record(is_small)
         return replace(
-            at, nodes=best_motion[0], ends=best_motion[1], cost=best_cost, settled=settled
+            best, nodes=best_motion[0], ends=best_motion[1], cost=best_cost, settled=settled
         )
 
     def prepare_next(self, step: _Step | None, is_accepted: bool) -> None:
         """Sets the radius and the price for the next step."""
         assert step is not None  # or it was stalled before
-        at, decrease_ratio = self.best, self._decrease_ratio
+        best, decrease_ratio = self.best, self._decrease_ratio
         if is_accepted:
             self._linear = None
         is_inside = step.size < 0.9 * self._radius
-        unit, price = self._free.unit, self._free.price
+        unit, price = self._relaxed.unit, self._relaxed.price
         if is_inside and step.remaining_violation > 0.1 * self._limits.tolerance:
             price = min(price * SETTINGS.price_factor, SETTINGS.max_price * unit)
         if decrease_ratio < POOR_DECREASE_RATIO:
@@ -262,14 +268,14 @@ class TrustRegionSearch:
         if is_accepted and is_near:
             min_price = SETTINGS.price_margin * float(np.max(np.abs(step.solution.costate[-1])))
             price = min(price, max(min_price, SETTINGS.min_price * unit))
-        self._free.price = price
-        is_hopeless = (
-            at.iterations >= SETTINGS.max_far_iterations
-            and max(at.defect, at.violation) > SETTINGS.min_far_error
+        self._relaxed.price = price
+        gives_up = (
+            best.iterations >= SETTINGS.max_far_iterations
+            and max(best.defect, best.violation) > SETTINGS.min_far_error
         )
-        at.stalled = is_hopeless or self._radius < SETTINGS.min_radius
+        best.stalled = gives_up or self._radius < SETTINGS.min_radius
 
 
-def _elastic_sum(a: Array) -> float:
+def _elastic_sum(violations: Array) -> float:
     """Measure of violations, as in stage programs: sum of |a| + a^2 / 2."""
-    return float(np.sum(np.abs(a)) + 0.5 * np.sum(np.square(a)))
+    return float(np.sum(np.abs(violations)) + 0.5 * np.sum(np.square(violations)))

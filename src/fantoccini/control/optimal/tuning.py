@@ -37,11 +37,11 @@ _RUNS_PER_THREAD = 8
 """Number of runs per thread that are simulated and kept in memory together: the lanes."""
 _MIN_RUNS = 3
 """Smallest number of runs in a generation, as the method needs."""
-_PATIENCE = 3
+_MAX_FAILED_GENERATIONS = 3
 """Number of generations without a finite cost after which the search ends."""
-_SAMPLES = 201
+_DEFAULT_SAMPLES = 201
 """Default number of samples of event-driven runs."""
-_SAME_TIME = 1e-9
+_TIME_TOLERANCE = 1e-9
 """Largest difference of end times that count as equal [s]."""
 
 Family = Callable[[dict[str, float]], Input]
@@ -49,7 +49,7 @@ Cost = Callable[[Trajectory], float]
 
 
 @dataclass(frozen=True, eq=False)
-class Tuned(Answer):
+class TuningResult(Answer):
     """The best motion of a family, with a run that is ``DONE``. True if all spreads are narrow.
 
     Attributes:
@@ -77,11 +77,11 @@ class Tuned(Answer):
 
     def __repr__(self) -> str:
         numbers = ", ".join(f"{name} {value:.4g}" for name, value in self.values.items())
-        return f"<Tuned {self.status.name}: cost {self.cost:.6g} at {numbers}>"
+        return f"<TuningResult {self.status.name}: cost {self.cost:.6g} at {numbers}>"
 
 
 @dataclass(frozen=True)
-class Draws:
+class DrawOptions:
     """Options of the random draws.
 
     Attributes:
@@ -103,10 +103,10 @@ class Draws:
 
     def __post_init__(self) -> None:
         check_positive(narrow=self.narrow, time_limit=self.time_limit)
-        for name, lower in (("runs", _MIN_RUNS), ("generations", 1)):
+        for name, min_count in (("runs", _MIN_RUNS), ("generations", 1)):
             count = getattr(self, name)
-            if not (isinstance(count, (int, np.integer)) and count >= lower):
-                text = f"{name} is {count!r}; it must be a whole number of at least {lower}"
+            if not (isinstance(count, (int, np.integer)) and count >= min_count):
+                text = f"{name} is {count!r}; it must be a whole number of at least {min_count}"
                 raise ValueError(text)
 
 
@@ -121,10 +121,10 @@ def tune(
     method: Method | MethodName = "event",
     save_at: Times | None = None,
     save_every: int | None = None,
-    draws: Draws | None = None,
+    draws: DrawOptions | None = None,
     threads: int | None = None,
     progress: OnProgress | None = None,
-) -> Tuned:
+) -> TuningResult:
     """The numbers of a family of motions with the least cost of the run, by random draws.
 
     Args:
@@ -149,15 +149,17 @@ def tune(
             inputs that end at different times.
         StateError: no run of the first three generations had a finite cost.
     """
-    draws = draws or Draws()
-    began, names = time.perf_counter(), list(numbers)
-    first, spreads = _begin(numbers)
+    draws = draws or DrawOptions()
+    start_time, names = time.perf_counter(), list(numbers)
+    mean, spreads = _first_distribution(numbers)
     x0 = marionette.rest() if x0 is None else x0
-    trial = _Trial(marionette, family, names, cost, x0, t_end, method, save_at, save_every, threads)
+    evaluator = _Evaluator(
+        marionette, family, names, cost, x0, t_end, method, save_at, save_every, threads
+    )
     from cma import CMAEvolutionStrategy  # slow to import
 
     rng = np.random.default_rng(draws.seed)
-    search = CMAEvolutionStrategy(
+    optimiser = CMAEvolutionStrategy(
         np.zeros(len(names)),
         1.0,
         {
@@ -170,46 +172,47 @@ def tune(
     curve, status, spread = list[tuple[float, float]](), AnswerStatus.GENERATIONS, spreads
     try:
         for generation in range(draws.generations):
-            drawn = search.ask()
+            samples = optimiser.ask()
             if not generation:
-                drawn[0] = np.zeros(len(names))  # the first values are tried as well
-            J = trial.costs(first + spreads * np.array(drawn))
-            search.tell(drawn, list(J))
-            spread = spreads * np.asarray(search.stds)
-            curve.append((trial.least, float(np.median(J))))
+                samples[0] = np.zeros(len(names))  # the first values are tried as well
+            J = evaluator.costs(mean + spreads * np.array(samples))
+            optimiser.tell(samples, list(J))
+            spread = spreads * np.asarray(optimiser.stds)
+            curve.append((evaluator.least_cost, float(np.median(J))))
             if progress is not None:
                 progress(Progress(done=generation + 1, total=draws.generations, best=curve[-1]))
-            if trial.best is None and generation + 1 >= _PATIENCE:
+            if evaluator.best is None and generation + 1 >= _MAX_FAILED_GENERATIONS:
                 break
-            if trial.best is not None and np.all(spread <= draws.narrow * spreads):
+            if evaluator.best is not None and np.all(spread <= draws.narrow * spreads):
                 status = AnswerStatus.NARROW
                 break
-            if time.perf_counter() - began > draws.time_limit:
+            if time.perf_counter() - start_time > draws.time_limit:
                 status = AnswerStatus.TIMEOUT
                 break
     except KeyboardInterrupt:
         status = AnswerStatus.STOPPED
-        if trial.best is None:
+        if evaluator.best is None:
             raise
-    if trial.best is None:
+    if evaluator.best is None:
         raise StateError(
             f"tune: none of the first {len(curve) * draws.runs} runs had a finite cost; the last "
-            f"ended with {trial.ended}; begin with numbers whose run does, and with smaller spreads"
+            f"ended with {evaluator.last_end}; begin with numbers whose run does, "
+            "and with smaller spreads"
         )
-    values, inputs, run = trial.best
-    return Tuned(
+    values, inputs, run = evaluator.best
+    return TuningResult(
         values,
         dict(zip(names, map(float, spread), strict=True)),
-        trial.least,
+        evaluator.least_cost,
         inputs,
         run,
         status,
         np.array(curve),
-        time.perf_counter() - began,
+        time.perf_counter() - start_time,
     )
 
 
-def _begin(numbers: Mapping[str, tuple[float, float]]) -> tuple[Array, Array]:
+def _first_distribution(numbers: Mapping[str, tuple[float, float]]) -> tuple[Array, Array]:
     """(n,) first values of the numbers, and their first spreads.
 
     Raises:
@@ -228,13 +231,13 @@ def _begin(numbers: Mapping[str, tuple[float, float]]) -> tuple[Array, Array]:
 
 
 @dataclass(eq=False)
-class _Trial:
+class _Evaluator:
     """Runs for draws of numbers, with costs and the best; arguments as for :func:`tune`.
 
     Attributes:
-        least: least cost so far.
+        least_cost: least cost so far.
         best: values, inputs and run with that cost.
-        ended: description of the last run's end.
+        last_end: description of the last run's end.
     """
 
     marionette: Marionette
@@ -247,33 +250,33 @@ class _Trial:
     save_at: Times | None
     save_every: int | None
     threads: int | None
-    least: float = math.inf
+    least_cost: float = math.inf
     best: tuple[dict[str, float], Input, Trajectory] | None = None
-    ended: str = "no run"
+    last_end: str = "no run"
     _inputs_end: float | None = None
 
     def costs(self, theta: Array) -> Array:
         """(n,) costs of the numbers (n, m); inf for a run that is not done."""
         costs = np.full(len(theta), np.inf)
         inputs_of_draws: list[tuple[int, dict[str, float], Input]] = []
-        for i, row in enumerate(theta):
-            values = dict(zip(self.names, map(float, row), strict=True))
+        for i, sample in enumerate(theta):
+            values = dict(zip(self.names, map(float, sample), strict=True))
             try:
                 inputs_of_draws.append((i, values, self.family(values)))
             except FantocciniError as error:
-                self.ended = str(error)
+                self.last_end = str(error)
         batch_size = _RUNS_PER_THREAD * (
             default_threads() if self.threads is None else self.threads
         )
         for k in range(0, len(inputs_of_draws), batch_size):
-            part = inputs_of_draws[k : k + batch_size]
-            runs = self._runs([inputs for _, _, inputs in part])
-            for (i, values, inputs), run in zip(part, runs, strict=True):
+            batch = inputs_of_draws[k : k + batch_size]
+            runs = self._runs([inputs for _, _, inputs in batch])
+            for (i, values, inputs), run in zip(batch, runs, strict=True):
                 if run is not None:
                     costs[i] = self._cost_of(run)
-                if costs[i] < self.least:
+                if costs[i] < self.least_cost:
                     assert run is not None
-                    self.least, self.best = float(costs[i]), (values, inputs, run)
+                    self.least_cost, self.best = float(costs[i]), (values, inputs, run)
         return costs
 
     def _runs(self, inputs: list[Input]) -> list[Trajectory | None]:
@@ -281,7 +284,7 @@ class _Trial:
         end = self._end(inputs)
         is_event, save_at = isinstance(as_method(self.method), Event), self.save_at
         if is_event and save_at is None:
-            save_at = np.linspace(self.x0.t, end, _SAMPLES)
+            save_at = np.linspace(self.x0.t, end, _DEFAULT_SAMPLES)
         try:
             batch = simulate_batch(
                 self.marionette,
@@ -296,7 +299,7 @@ class _Trial:
             )
         except FantocciniError as error:
             if len(inputs) == 1:
-                self.ended = str(error)
+                self.last_end = str(error)
                 return [None]
             return [self._runs([single])[0] for single in inputs]
         if np.any(batch.status == Status.STOPPED):
@@ -312,18 +315,18 @@ class _Trial:
         if self.t_end is not None:
             return self.t_end
         end = inputs[0].end if self._inputs_end is None else self._inputs_end
-        for u in inputs:
-            if abs(u.end - end) > _SAME_TIME:
+        for later in inputs:
+            if abs(later.end - end) > _TIME_TOLERANCE:
                 raise ValueError(
-                    f"tune: the family's inputs end at {end:g} s and at {u.end:g} s; give t_end, "
-                    "or let them end at one time"
+                    f"tune: the family's inputs end at {end:g} s and at {later.end:g} s; "
+                    "give t_end, or let them end at one time"
                 )
         self._inputs_end = end
         return end
 
     def _cost_of(self, run: Trajectory) -> float:
         """The cost of a run; inf if it is not done."""
-        self.ended = run.status.name
+        self.last_end = run.status.name
         if run.status is not Status.DONE:
             return math.inf
         value = float(self.cost(run))

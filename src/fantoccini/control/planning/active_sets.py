@@ -55,50 +55,50 @@ class PlanReference:
         nodes: (m + 1,) states.
         active: (m + 1, n_strings) bool, the active sets after the nodes.
         durations: (m,) durations of the segments [s].
-        planned: (m, n_vK) accelerations [m/s^2 or rad/s^2].
+        planned_acceleration: (m, n_vK) accelerations [m/s^2 or rad/s^2].
         A, B: (m, n_z, n_z), (m, n_z, n_vK) derivatives of the segments.
         gains: (m, n_vK, n_z) feedback gains.
         P: (m + 1, n_z, n_z) matrices of the cost to go.
         Q: (n_z, n_z) weights of deviations.
         R: weights of the accelerations that may be nonzero.
-        moves: (n_vK,) bool, the accelerations that may be nonzero.
+        movable: (n_vK,) bool, the accelerations that may be nonzero.
     """
 
     marionette: Marionette
     nodes: StateArrays
     active: MaskRows
     durations: Array
-    planned: Array
+    planned_acceleration: Array
     A: Array
     B: Array
     gains: Array
     P: Array
     Q: Array
     R: Array
-    moves: MaskRows
+    movable: MaskRows
 
 
 @dataclass(frozen=True, eq=False)
 class ExtendedReference:
-    """Reference states and gains for other active sets than the plan's. Made by :meth:`of`.
+    """Reference states and gains for other active sets than the plan's. Made by :meth:`from_plan`.
 
     Attributes:
         segment: (e,) index of the segment in which the reference is used.
         active: (e, n_strings) bool, the active set.
-        late: (e,) number of segments since the plan left that active set; negative before the plan
-            enters it.
+        offset: (e,) number of segments since the plan left that active set; negative before the
+            plan enters it.
         nodes: (e,) states that replace the plan's.
         gains: (e, n_vK, n_z) feedback gains.
     """
 
     segment: Indices
     active: MaskRows
-    late: Indices
+    offset: Indices
     nodes: StateArrays
     gains: Array
 
     @classmethod
-    def of(cls, reference: PlanReference, window: int) -> ExtendedReference:
+    def from_plan(cls, reference: PlanReference, window: int) -> ExtendedReference:
         """Extensions of every active set of a plan beyond its part of the plan.
 
         Args:
@@ -107,20 +107,24 @@ class ExtendedReference:
         """
         events = np.flatnonzero(np.any(reference.active[1:] != reference.active[:-1], axis=1))
         no_events = events[:0]
-        parts = [
+        extensions = [
             cls(
                 no_events, reference.active[:0], no_events, reference.nodes[:0], reference.gains[:0]
             )
         ]
         with np.errstate(all="ignore"):  # extensions that diverge are left out below
-            parts += _early(reference, events, window) + _late(reference, events, window)
-        nodes = [part.nodes.parts for part in parts]
+            extensions += _extended_backward(reference, events, window) + _extended_forward(
+                reference, events, window
+            )
+        nodes = [extension.nodes.parts for extension in extensions]
         return cls(
-            np.concatenate([part.segment for part in parts]),
-            np.concatenate([part.active for part in parts]),
-            np.concatenate([part.late for part in parts]),
-            StateArrays(**{name: np.concatenate([a[name] for a in nodes]) for name in nodes[0]}),
-            np.concatenate([part.gains for part in parts]),
+            np.concatenate([extension.segment for extension in extensions]),
+            np.concatenate([extension.active for extension in extensions]),
+            np.concatenate([extension.offset for extension in extensions]),
+            StateArrays(
+                **{name: np.concatenate([arrays[name] for arrays in nodes]) for name in nodes[0]}
+            ),
+            np.concatenate([extension.gains for extension in extensions]),
         )
 
     def nearest(self, k: int, active: MaskRows) -> int | None:
@@ -131,18 +135,27 @@ class ExtendedReference:
             active: (n_strings,) bool, the active set.
         """
         matches = np.flatnonzero((self.segment == k) & np.all(self.active == active, axis=1))
-        return int(matches[np.argmin(np.abs(self.late[matches]))]) if len(matches) else None
+        return int(matches[np.argmin(np.abs(self.offset[matches]))]) if len(matches) else None
 
 
-def _early(plan: PlanReference, events: Indices, window: int) -> list[ExtendedReference]:
+def _extended_backward(
+    plan: PlanReference, events: Indices, window: int
+) -> list[ExtendedReference]:
     """Extensions of the active sets after events, into segments before them."""
-    parts, k, active = [], events, plan.active[events + 1]
+    extensions, k, active = [], events, plan.active[events + 1]
     states, P = plan.nodes[events + 1], plan.P[events + 1]
     for n_back in range(window):
-        continues = k >= 0
-        continues[continues] = np.any(plan.active[k[continues]] != active[continues], axis=1)
-        k, states, P, active = k[continues], states[continues], P[continues], active[continues]
-        states = extended(plan.marionette, states, active, plan.planned[k], -plan.durations[k])
+        is_extended = k >= 0
+        is_extended[is_extended] = np.any(
+            plan.active[k[is_extended]] != active[is_extended], axis=1
+        )
+        k = k[is_extended]
+        states = states[is_extended]
+        P = P[is_extended]
+        active = active[is_extended]
+        states = advance_states(
+            plan.marionette, states, active, plan.planned_acceleration[k], -plan.durations[k]
+        )
         is_near = _near(plan, k, states)
         k, states, P, active = k[is_near], states[is_near], P[is_near], active[is_near]
         if not len(k):
@@ -150,22 +163,29 @@ def _early(plan: PlanReference, events: Indices, window: int) -> list[ExtendedRe
         projection = taut_projection(plan.marionette, states, active)
         A, B = _derivatives(plan, states, active, k, projection)
         gains = np.zeros_like(plan.gains[k])
-        gains[:, plan.moves], P = riccati.step(A, B[:, :, plan.moves], plan.Q, plan.R, P)
-        parts.append(ExtendedReference(k, active, np.full(len(k), -1 - n_back), states, gains))
+        gains[:, plan.movable], P = riccati.step(A, B[:, :, plan.movable], plan.Q, plan.R, P)
+        extensions.append(ExtendedReference(k, active, np.full(len(k), -1 - n_back), states, gains))
         k = k - 1
-    return parts
+    return extensions
 
 
-def _late(plan: PlanReference, events: Indices, window: int) -> list[ExtendedReference]:
+def _extended_forward(plan: PlanReference, events: Indices, window: int) -> list[ExtendedReference]:
     """Extensions of the active sets before events, into segments after them."""
-    parts, k, active, states = [], events, plan.active[events], plan.nodes[events]
+    extensions, k, active, states = [], events, plan.active[events], plan.nodes[events]
     S = np.tile(np.eye(len(plan.Q)), (len(k), 1, 1))
     for n_forward in range(window):
-        continues = k + 1 < len(plan.planned)
-        continues[continues] = np.any(plan.active[k[continues] + 1] != active[continues], axis=1)
-        k, states, active, S = k[continues], states[continues], active[continues], S[continues]
+        is_extended = k + 1 < len(plan.planned_acceleration)
+        is_extended[is_extended] = np.any(
+            plan.active[k[is_extended] + 1] != active[is_extended], axis=1
+        )
+        k = k[is_extended]
+        states = states[is_extended]
+        active = active[is_extended]
+        S = S[is_extended]
         previous = states
-        states = extended(plan.marionette, states, active, plan.planned[k], plan.durations[k])
+        states = advance_states(
+            plan.marionette, states, active, plan.planned_acceleration[k], plan.durations[k]
+        )
         is_near = _near(plan, k + 1, states)
         k, previous, states, active, S = (
             k[is_near],
@@ -179,13 +199,13 @@ def _late(plan: PlanReference, events: Indices, window: int) -> list[ExtendedRef
         F, _ = _derivatives(plan, previous, active, k)
         S = plan.A[k] @ S @ np.linalg.inv(F)
         k = k + 1
-        parts.append(
+        extensions.append(
             ExtendedReference(k, active, np.full(len(k), 1 + n_forward), states, plan.gains[k] @ S)
         )
-    return parts
+    return extensions
 
 
-def away(marionette: Marionette, node: StateArrays, x: StateArrays | State) -> Array:
+def deviation(marionette: Marionette, node: StateArrays, x: StateArrays | State) -> Array:
     """(..., n_z) tangent vectors from one state to another: (dq_D, dv_D, dq_K, dv_K)."""
     table = marionette.coordinates
     indices_D = table.scalars_D, table.quaternions_D
@@ -201,43 +221,51 @@ def away(marionette: Marionette, node: StateArrays, x: StateArrays | State) -> A
     )
 
 
-def _near(plan: PlanReference, k: Indices, at: StateArrays) -> MaskRows:
+def _near(plan: PlanReference, k: Indices, states: StateArrays) -> MaskRows:
     """(n,) bool, whether states are near enough to nodes k."""
-    z = away(plan.marionette, plan.nodes[k], at)
+    z = deviation(plan.marionette, plan.nodes[k], states)
     # NaN gives False.
     return np.einsum("ni,ij,nj->n", z, plan.Q, z) < _TOLERANCES.max_distance**2
 
 
 def _derivatives(
-    plan: PlanReference, at: StateArrays, active: MaskRows, k: Indices, onto: Array | None = None
+    plan: PlanReference,
+    states: StateArrays,
+    active: MaskRows,
+    k: Indices,
+    projection: Array | None = None,
 ) -> tuple[Array, Array]:
     return active_set_derivatives(
-        plan.marionette, at, active, plan.planned[k], plan.durations[k], onto
+        plan.marionette, states, active, plan.planned_acceleration[k], plan.durations[k], projection
     )
 
 
 def active_set_derivatives(
     marionette: Marionette,
-    at: StateArrays,
+    states: StateArrays,
     active: MaskRows,
     acceleration: Array,
     duration: Array,
-    onto: Array | None = None,
+    projection: Array | None = None,
 ) -> tuple[Array, Array]:
     """Derivatives under fixed active sets, A (m, n_z, n_z) and B (m, n_z, n_vK).
 
     Args:
-        marionette, at, active, acceleration, duration: see :func:`extended`.
-        onto: (m, n_z, n_z) projections of changes of the states; see
+        marionette, states, active, acceleration, duration: see :func:`advance_states`.
+        projection: (m, n_z, n_z) projections of changes of the states; see
             :func:`fantoccini.control.problems.derivatives.taut_projection`.
     """
 
-    def end(changed: StateArrays, acc_K: Array) -> StateArrays:
+    def end_states(starts: StateArrays, acc_K: Array) -> StateArrays:
         n_changes = len(acc_K) // len(active)
         times = np.repeat(duration, n_changes)
-        return extended(marionette, changed, np.repeat(active, n_changes, axis=0), acc_K, times)
+        return advance_states(
+            marionette, starts, np.repeat(active, n_changes, axis=0), acc_K, times
+        )
 
-    return central_differences(marionette, end, at, acceleration, onto, _TOLERANCES.difference)
+    return central_differences(
+        marionette, end_states, states, acceleration, projection, _TOLERANCES.difference
+    )
 
 
 def event_derivatives(
@@ -277,8 +305,8 @@ def event_derivatives(
     return (derivatives.A[0], derivatives.B[0]) if derivatives.differentiable else None
 
 
-def extended(
-    marionette: Marionette, at: StateArrays, active: MaskRows, acc_K: Array, duration: Array
+def advance_states(
+    marionette: Marionette, start: StateArrays, active: MaskRows, acc_K: Array, duration: Array
 ) -> StateArrays:
     """The states after motion under fixed active sets: Eqs. 10 and 11 with these strings held.
 
@@ -286,50 +314,54 @@ def extended(
 
     Args:
         marionette: the puppet; none of its driven coordinates is a rotation.
-        at: (n,) states.
+        start: (n,) states.
         active: (n, n_strings) bool, the strings that are held.
         acc_K: (n, n_vK) accelerations of the driven coordinates.
         duration: (n,) durations [s]; negative for motion backwards in time.
     """
     table, dt = marionette.coordinates, duration[:, None] / _TOLERANCES.n_steps
     indices = table.scalars_D, table.quaternions_D
-    q, v = at.q_D, at.v_D
+    q, v = start.q_D, start.v_D
 
-    def driven(t: Array) -> tuple[Array, Array]:
-        displacement = t * (at.v_K + 0.5 * t * acc_K)
-        return tangent.moved(table.scalars_K, (), at.q_K, displacement), at.v_K + t * acc_K
+    def driven_state(t: Array) -> tuple[Array, Array]:
+        displacement = t * (start.v_K + 0.5 * t * acc_K)
+        return tangent.moved(table.scalars_K, (), start.q_K, displacement), start.v_K + t * acc_K
 
-    def rate(t: Array, change: Array, v: Array) -> Array:
+    def acceleration(t: Array, change: Array, v: Array) -> Array:
         q_D = tangent.moved(*indices, q, change)
-        return _acceleration(marionette, StateArrays(q_D, v, at.slip, *driven(t)), acc_K, active)
+        return _acceleration(
+            marionette, StateArrays(q_D, v, start.slip, *driven_state(t)), acc_K, active
+        )
 
     for step in range(_TOLERANCES.n_steps):
         t = step * dt
-        a1 = rate(t, np.zeros_like(v), v)
-        a2 = rate(t + 0.5 * dt, 0.5 * dt * v, v + 0.5 * dt * a1)
-        a3 = rate(t + 0.5 * dt, 0.5 * dt * (v + 0.5 * dt * a1), v + 0.5 * dt * a2)
-        a4 = rate(t + dt, dt * (v + 0.5 * dt * a2), v + dt * a3)
+        a1 = acceleration(t, np.zeros_like(v), v)
+        a2 = acceleration(t + 0.5 * dt, 0.5 * dt * v, v + 0.5 * dt * a1)
+        a3 = acceleration(t + 0.5 * dt, 0.5 * dt * (v + 0.5 * dt * a1), v + 0.5 * dt * a2)
+        a4 = acceleration(t + dt, dt * (v + 0.5 * dt * a2), v + dt * a3)
         q = tangent.moved(*indices, q, dt * v + dt**2 / 6.0 * (a1 + a2 + a3))
         v = v + dt / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
-    return StateArrays(q, v, at.slip, *driven(duration[:, None]))
+    return StateArrays(q, v, start.slip, *driven_state(duration[:, None]))
 
 
-def _acceleration(marionette: Marionette, at: StateArrays, acc_K: Array, active: MaskRows) -> Array:
+def _acceleration(
+    marionette: Marionette, states: StateArrays, acc_K: Array, active: MaskRows
+) -> Array:
     """(n, n_vD) acc_D with active strings held: G tau = hddot without tension."""
     values = marionette.library.evaluate(
         "dynamics",
-        q_D=at.q_D,
-        v_D=at.v_D,
-        q_K=at.q_K,
-        v_K=at.v_K,
+        q_D=states.q_D,
+        v_D=states.v_D,
+        q_K=states.q_K,
+        v_K=states.v_K,
         acc_K=acc_K,
-        u_D=np.zeros_like(at.v_D),
+        u_D=np.zeros_like(states.v_D),
         p=marionette.p,
     )
-    strings = active.shape[1]
-    unit, held = np.eye(strings), active[:, :, None] & active[:, None]
-    G = np.where(held, values.G, unit * ~active[:, None])
-    G = G + _TOLERANCES.compliance * np.trace(G, axis1=1, axis2=2)[:, None, None] * unit
+    n_strings = active.shape[1]
+    identity, both_active = np.eye(n_strings), active[:, :, None] & active[:, None]
+    G = np.where(both_active, values.G, identity * ~active[:, None])
+    G = G + _TOLERANCES.compliance * np.trace(G, axis1=1, axis2=2)[:, None, None] * identity
     tension = np.linalg.solve(G, (active * (values.gamma + values.a0))[..., None])
     w = values.w0 - (tension.swapaxes(1, 2) @ values.W.swapaxes(1, 2))[:, 0]
     return marionette.library.evaluate("solve_factor", L=values.L, x=w).y

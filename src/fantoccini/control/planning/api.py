@@ -65,46 +65,46 @@ def plan(
         TypeError: unknown option.
     """
     search = SearchOptions(planner, time_limit, iterations, improve, confirm, objective, seed)
-    takes = _TASK_OPTIONS if isinstance(marionette, Task) else _PROBLEM_OPTIONS
-    _refuse_unknown("plan", options, (*takes, *SearchKeywords.__annotations__))
+    allowed_options = _TASK_OPTIONS if isinstance(marionette, Task) else _PROBLEM_OPTIONS
+    _refuse_unknown("plan", options, (*allowed_options, *SearchKeywords.__annotations__))
     if isinstance(marionette, Task):
         if start is not None or goal is not None or obstacles:
             raise StateError("plan: a task has its start, end and obstacles; give no others")
-        return solve(Problem.of(marionette, **options), search)
+        return solve(Problem.from_task(marionette, **options), search)
     if start is None or goal is None:
         raise StateError("plan: found no start or no goal; needed: both, or a Task alone")
     return solve(Problem(marionette, start, goal, obstacles, **options), search)
 
 
 def solve(
-    problem: Problem, options: SearchOptions | None = None, **short: Unpack[SearchKeywords]
+    problem: Problem, options: SearchOptions | None = None, **keywords: Unpack[SearchKeywords]
 ) -> PlanResult:
     """The result of a search for a plan that solves a problem.
 
     Args:
         problem: the planning problem.
         options: options of the search.
-        short: the same options as keywords, ``solve(problem, seed=1)``: planner, time_limit,
+        keywords: the same options as keywords, ``solve(problem, seed=1)``: planner, time_limit,
             iterations, improve, confirm, objective, seed.
 
     Raises:
         ValueError: number out of range, an unknown planner or objective, or options given twice.
         TypeError: unknown option.
     """
-    _refuse_unknown("solve", short, SearchKeywords.__annotations__)
-    if options is not None and short:
-        raise ValueError(f"give either options or {', '.join(short)}, not both")
-    options = options or SearchOptions(**short)
+    _refuse_unknown("solve", keywords, SearchKeywords.__annotations__)
+    if options is not None and keywords:
+        raise ValueError(f"give either options or {', '.join(keywords)}, not both")
+    options = options or SearchOptions(**keywords)
     search = Search(problem, options)
     with contextlib.suppress(KeyboardInterrupt):
         search.find_first(options.time_limit, options.iterations)
         if options.improve and search.arrived:
             distance = min(_POLISHED_DISTANCE, problem.rollouts.stop_distance)
             search.improve(options.improve, distance)
-    return PlanResult.of(search)
+    return PlanResult.from_search(search)
 
 
-def _refuse_unknown(call: str, options: Iterable[str], allowed: Iterable[str]) -> None:
+def _refuse_unknown(function: str, options: Iterable[str], allowed: Iterable[str]) -> None:
     for name in options:
         if name not in allowed:
-            raise TypeError(f"{call}() has no option {name!r}{nearest(name, allowed)}")
+            raise TypeError(f"{function}() has no option {name!r}{nearest(name, allowed)}")

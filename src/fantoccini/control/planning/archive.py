@@ -10,7 +10,7 @@ import numpy as np
 from fantoccini.base import Array, FileError, Mistake, npz
 from fantoccini.control.planning.options import SearchOptions
 from fantoccini.control.planning.planners import Planner
-from fantoccini.control.planning.polish import Polish
+from fantoccini.control.planning.polish import PolishResult
 from fantoccini.control.planning.search import Search, SearchRecord
 from fantoccini.control.planning.search_tree import SearchTree
 from fantoccini.control.problems import Problem
@@ -43,9 +43,9 @@ def save(path: str | Path, search: Search, record: SearchRecord, status: str) ->
         "tried": record.tried,
         "seconds": record.seconds,
         "random": record.random_state,
-        "late": record.late,
+        "late": record.timed_out,
         "refused": record.refused,
-        "polished": None if record.polished is None else record.polished.plain,
+        "polished": None if record.polished is None else record.polished.as_list,
         "fingerprint": problem.fingerprint,
     }
     arrays = {
@@ -83,8 +83,8 @@ def load(path: str | Path, problem: Problem, planner: Planner | None = None) -> 
             objective=Objective(**metadata["objective"]),
         )
         search = Search(problem, options)
-        nodes_of = {name: arrays[_KEYS.get(name, name)] for name in search.tree.arrays}
-        tree, best = SearchTree.of(nodes_of, like=search.tree), int(nodes[-1])
+        tree_arrays = {name: arrays[_KEYS.get(name, name)] for name in search.tree.arrays}
+        tree, best = SearchTree.from_arrays(tree_arrays, template=search.tree), int(nodes[-1])
         if not 0 <= best < len(tree) or tree.path(best) != nodes.tolist():
             raise ValueError("its path does not lie in its tree")
         search.restore(
@@ -95,9 +95,9 @@ def load(path: str | Path, problem: Problem, planner: Planner | None = None) -> 
                 seconds=float(metadata["seconds"]),
                 curve=tuple((float(s), int(n), float(t)) for s, n, t in _curve(arrays)),
                 random_state=metadata["random"],
-                late=bool(metadata["late"]),
+                timed_out=bool(metadata["late"]),
                 refused=int(metadata["refused"]),
-                polished=Polish.of(metadata["polished"]),
+                polished=PolishResult.from_list(metadata["polished"]),
             )
         )
     return search

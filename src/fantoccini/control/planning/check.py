@@ -8,7 +8,7 @@ import numpy as np
 
 from fantoccini.base import Array, Indices, Status, check_positive
 from fantoccini.control.planning.plan_path import PlanPath
-from fantoccini.control.tasks import Meeting, StateArrays, carried
+from fantoccini.control.tasks import StateArrays, TouchEvent, carried_share
 from fantoccini.dynamics.compiled import Event, Method, MethodName, TimeStepping, as_method
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import Trajectory
@@ -53,17 +53,17 @@ class Check:
     clearance: float
     deviation: float
     run: Trajectory
-    touches: tuple[Meeting, ...] = ()
+    touches: tuple[TouchEvent, ...] = ()
     share: float = 0.0
     fault: str = ""
 
     @property
-    def forbidden(self) -> tuple[Meeting, ...]:
+    def forbidden(self) -> tuple[TouchEvent, ...]:
         """Touches that the plan does not allow."""
-        return tuple(meeting for meeting in self.touches if not meeting.allowed)
+        return tuple(touch for touch in self.touches if not touch.allowed)
 
 
-def checked(
+def check_plan(
     plan: PlanPath,
     dt_factor: float | None = None,
     method: Method | MethodName = "timestepping",
@@ -88,16 +88,16 @@ def checked(
         run = plan.simulate(as_method(method), effort)
     distance = float(plan.goal.distance(StateArrays.of(run.state(-1)))[0])
     clearance = plan.rollouts.clearance.least(run).distance
-    node_indices = _nearest(run.t, plan.times)
+    node_indices = _nearest_indices(run.t, plan.times)
     deviation = float(np.max(np.abs(run.q_D[node_indices] - plan.states.q_D)))
     marionette, goal = plan.problem.marionette, plan.goal
-    complete = run.status is Status.DONE and run.t[-1] >= plan.end - _TOLERANCES.time_rounding
-    touches = plan.problem.touches.meetings(run)
-    share = carried(marionette, run)
-    faults = [str(meeting) for meeting in touches if not meeting.allowed]
-    if not complete:
+    is_complete = run.status is Status.DONE and run.t[-1] >= plan.end - _TOLERANCES.time_rounding
+    touches = plan.problem.touches.touch_events(run)
+    share = carried_share(marionette, run)
+    faults = [str(touch) for touch in touches if not touch.allowed]
+    if not is_complete:
         faults.append(run.status.message)
-    faults += jammed(marionette, run)
+    faults += jam_messages(marionette, run)
     if clearance < 0.0:
         faults.append("a body or string overlaps a solid that it must not touch")
     if not distance <= plan.tolerance:
@@ -108,7 +108,7 @@ def checked(
     return Check(not fault, distance, clearance, deviation, run, touches, share, fault)
 
 
-def jammed(marionette: Marionette, run: Trajectory) -> list[str]:
+def jam_messages(marionette: Marionette, run: Trajectory) -> list[str]:
     """Descriptions of jammed strings, whose tension against a contact has no limit."""
     if run.contact is None:
         return []
@@ -120,7 +120,7 @@ def jammed(marionette: Marionette, run: Trajectory) -> list[str]:
     ]
 
 
-def confirmed(plan: PlanPath) -> Check:
+def confirm_plan(plan: PlanPath) -> Check:
     """The simulation that decides whether a plan holds; see :class:`Check`.
 
     It is event-driven, or by time-stepping with half the planner's step if touches are possible.
@@ -131,13 +131,13 @@ def confirmed(plan: PlanPath) -> Check:
     method: Method | MethodName = "timestepping"
     if not plan.problem.touches.expected:
         method = Event(rtol=_TOLERANCES.integration, atol=_TOLERANCES.integration)
-    check = checked(plan, method=method, effort=False)
+    check = check_plan(plan, method=method, effort=False)
     if check.run.status is Status.STOPPED:
         raise KeyboardInterrupt
     return check
 
 
-def _nearest(t: Array, times: Array) -> Indices:
+def _nearest_indices(t: Array, times: Array) -> Indices:
     """(n,) indices of the increasing times t that are nearest to ``times``."""
     next_index = np.clip(np.searchsorted(t, times), 1, len(t) - 1)
     return np.maximum(next_index - (times - t[next_index - 1] <= t[next_index] - times), 0)

@@ -66,13 +66,13 @@ class Approach:
     Attributes:
         candidate: the last candidate; None if the first could not be simulated.
         arrives: whether it passes the test.
-        late: whether the time limit ended the search.
+        timed_out: whether the time limit ended the search.
         iterations, stalled, settled: see :class:`fantoccini.control.optimal.Improvable`.
     """
 
     candidate: Candidates | None
     arrives: bool = False
-    late: bool = False
+    timed_out: bool = False
     iterations: int = 0
     stalled: bool = False
 
@@ -88,24 +88,28 @@ class Approach:
 
 
 def approach(
-    shooting: Shooting, V: Array, arrives: Callable[[Candidates], bool], until: float, late: bool
+    shooting: Shooting,
+    V: Array,
+    has_arrived: Callable[[Candidates], bool],
+    deadline: float,
+    end_only: bool,
 ) -> Approach:
     """The first candidate near the given velocities that passes a test, or the last of all.
 
     Args:
         shooting: simulates candidates.
         V: (m, n_vK) initial velocities.
-        arrives: the test.
-        until: time at which to stop, by ``time.perf_counter``.
-        late: whether only the last segments are varied, after the last catch: earlier changes have
-            strongly nonlinear effects, or change which strings are caught.
+        has_arrived: the test.
+        deadline: time at which to stop, by ``time.perf_counter``.
+        end_only: whether only the last segments are varied, after the last catch: earlier changes
+            have strongly nonlinear effects, or change which strings are caught.
     """
-    if time.perf_counter() > until:
-        return Approach(None, late=True)
+    if time.perf_counter() > deadline:
+        return Approach(None, timed_out=True)
     first = shooting.candidates(shooting.within(V)[None])
     if not np.isfinite(first.merit[0]):
         return Approach(None)
-    descent = _Descent(shooting, first, arrives, until, late)
+    descent = _Descent(shooting, first, has_arrived, deadline, end_only)
     return improve(descent, Limits(0.0, 0.0, _TOLERANCES.max_iterations))
 
 
@@ -116,12 +120,15 @@ class _Descent:
         self,
         shooting: Shooting,
         first: Candidates,
-        arrives: Callable[[Candidates], bool],
-        until: float,
-        late: bool,
+        has_arrived: Callable[[Candidates], bool],
+        deadline: float,
+        end_only: bool,
     ):
         self.best = Approach(first)
-        self._shooting, self._has_arrived, self._until, self._late = shooting, arrives, until, late
+        self._shooting = shooting
+        self._has_arrived = has_arrived
+        self._deadline = deadline
+        self._end_only = end_only
         self._trust, self._merits = _TOLERANCES.first_trust, list[float]()
 
     def step(self) -> tuple[Derivatives, Array] | None:
@@ -135,31 +142,36 @@ class _Descent:
         merits = self._merits
         merits.append(candidate.merit[0])
         best.stalled = len(merits) > 3 and bool(merits[-1] > _TOLERANCES.max_ratio * merits[-4])
-        if not best.stalled and time.perf_counter() > self._until:
-            best.stalled = best.late = True
+        if not best.stalled and time.perf_counter() > self._deadline:
+            best.stalled = best.timed_out = True
         if best.stalled:
             return None
-        last = round(_TOLERANCES.end_duration / shooting.segment)
-        first = (
-            max(int(candidate.first_calm_segment[0]), len(candidate) - last) if self._late else 0
+        n_end_segments = round(_TOLERANCES.end_duration / shooting.segment)
+        first_segment = (
+            max(int(candidate.first_calm_segment[0]), len(candidate) - n_end_segments)
+            if self._end_only
+            else 0
         )
-        derivatives = shooting.derivatives(candidate, min(first, len(candidate) - 1))
+        derivatives = shooting.derivatives(candidate, min(first_segment, len(candidate) - 1))
         return derivatives, step(shooting, candidate, derivatives, self._trust)
 
     def try_step(self, step: tuple[Derivatives, Array]) -> Approach | None:
         """The candidate of least merit along the step; None if no length improves it."""
-        best, shooting, (by, x) = self.best, self._shooting, step
+        best, shooting, (derivatives, x) = self.best, self._shooting, step
         candidate = best.candidate
         assert candidate is not None
         trials = np.stack(
-            [shooting.changed(candidate.V[0], by.basis, length * x) for length in _LENGTHS]
+            [
+                shooting.with_step(candidate.V[0], derivatives.basis, step_length * x)
+                for step_length in _LENGTHS
+            ]
         )
-        improved = shooting.candidates(shooting.within(trials)).best
-        if not improved.merit[0] < candidate.merit[0]:
+        next_candidate = shooting.candidates(shooting.within(trials)).best
+        if not next_candidate.merit[0] < candidate.merit[0]:
             return None
-        max_change = float(np.max(np.abs(improved.V - candidate.V)))
+        max_change = float(np.max(np.abs(next_candidate.V - candidate.V)))
         self._trust = min(_TOLERANCES.max_trust, max(2.0 * max_change, 0.1 * self._trust))
-        return Approach(improved, iterations=best.iterations)
+        return Approach(next_candidate, iterations=best.iterations)
 
     def prepare_next(self, step: tuple[Derivatives, Array] | None, is_accepted: bool) -> None:
         """Ends the search if no step is accepted."""
@@ -170,12 +182,12 @@ def step(
     shooting: Shooting, candidate: Candidates, derivatives: Derivatives, trust: float
 ) -> Array:
     """(n_x,) the step of the quadratic program at a candidate."""
-    bounds, V = shooting.problem.rollouts.bounds, candidate.V[0][:, shooting.moves]
+    bounds, V = shooting.problem.rollouts.bounds, candidate.V[0][:, shooting.movable]
     m, n_m = V.shape
     n_x, n_s = derivatives.residual.shape[1], candidate.constraints.shape[2]
     identity = np.eye(n_m)
     velocity_by_x = np.kron(derivatives.basis, identity)
-    start_velocity = np.broadcast_to(shooting.problem.root.v_K[0, shooting.moves], (1, n_m))
+    start_velocity = np.broadcast_to(shooting.problem.root.v_K[0, shooting.movable], (1, n_m))
     D = np.diff(velocity_by_x.reshape(m, n_m, n_x), axis=0, prepend=0.0)
     dV = np.diff(V, axis=0, prepend=start_velocity)
     jerk, jerk_V = np.diff(D, axis=0).reshape((m - 1) * n_m, n_x), np.diff(dV, axis=0).ravel()
@@ -191,34 +203,35 @@ def step(
         float(np.linalg.norm(residual)), _TOLERANCES.min_residual
     )
     # Bounds out of reach of the step are left out.
-    speed, max_change = bounds.speed[shooting.moves], shooting.segment * bounds.acceleration
-    max_change = max_change[shooting.moves]
+    speed, max_change = bounds.speed[shooting.movable], shooting.segment * bounds.acceleration
+    max_change = max_change[shooting.movable]
     near_speed_bound = np.ravel(np.abs(V) + trust > speed)
     near_acceleration_bound = np.ravel(np.abs(dV) + 2.0 * trust > max_change)
-    near_constraints, k = derivatives.near, len(derivatives.near)
+    near_constraints, k = derivatives.near_violations, len(derivatives.near_violations)
     slack_columns = np.zeros((k, n_s))
     slack_columns[np.arange(k), near_constraints[:, 1]] = 1.0
-    bounded = np.concatenate(
+    bounded_rows = np.concatenate(
         [velocity_by_x[near_speed_bound], D.reshape(m * n_m, n_x)[near_acceleration_bound]]
     )
-    A = np.zeros((len(bounded) + k, n_x + n_s))
-    A[: len(bounded), :n_x] = bounded
-    A[len(bounded) :, :n_x], A[len(bounded) :, n_x:] = derivatives.constraints, slack_columns
+    A = np.zeros((len(bounded_rows) + k, n_x + n_s))
+    A[: len(bounded_rows), :n_x] = bounded_rows
+    A[len(bounded_rows) :, :n_x] = derivatives.constraints
+    A[len(bounded_rows) :, n_x:] = slack_columns
     speed_bounds = [(np.tile(speed, m) - s * V.ravel())[near_speed_bound] for s in (1.0, -1.0)]
     acceleration_bounds = [
         (np.tile(max_change, m) - s * dV.ravel())[near_acceleration_bound] for s in (1.0, -1.0)
     ]
-    high = np.concatenate(
+    row_high = np.concatenate(
         [speed_bounds[0], acceleration_bounds[0], np.full(k, _TOLERANCES.unbounded)]
     )
-    low = np.concatenate(
+    row_low = np.concatenate(
         [
             -speed_bounds[1],
             -acceleration_bounds[1],
             -candidate.constraints[0, near_constraints[:, 0], near_constraints[:, 1]],
         ]
     )
-    upper = np.concatenate([np.full(n_x, trust), np.full(n_s, _TOLERANCES.unbounded)])
+    x_high = np.concatenate([np.full(n_x, trust), np.full(n_s, _TOLERANCES.unbounded)])
     program = ca.conic(
         "step",
         "daqp",
@@ -229,7 +242,7 @@ def step(
             "daqp": {"primal_tol": _TOLERANCES.feasibility},
         },
     )
-    lower = np.concatenate([-np.full(n_x, trust), np.zeros(n_s)])
-    solution = program(h=H, g=g, a=A, lba=low, uba=high, lbx=lower, ubx=upper)
+    x_low = np.concatenate([-np.full(n_x, trust), np.zeros(n_s)])
+    solution = program(h=H, g=g, a=A, lba=row_low, uba=row_high, lbx=x_low, ubx=x_high)
     x = np.asarray(solution["x"]).ravel()[:n_x]
     return np.where(np.isfinite(x), x, 0.0)

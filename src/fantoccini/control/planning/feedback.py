@@ -35,7 +35,7 @@ from fantoccini.control.planning.active_sets import (
     ExtendedReference,
     PlanReference,
     active_set_derivatives,
-    away,
+    deviation,
     event_derivatives,
 )
 from fantoccini.control.planning.plan_path import PlanPath, exact_start
@@ -73,7 +73,7 @@ Push = Callable[[float], Array]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Followed(ShortRepr):
+class ClosedLoopRollout(ShortRepr):
     """The result of a closed-loop rollout of a plan.
 
     Attributes:
@@ -95,9 +95,9 @@ class Followed(ShortRepr):
     status: Status
 
     @classmethod
-    def of(
+    def from_states(
         cls, problem: Problem, states: list[State], acceleration: Array, status: Status
-    ) -> Followed:
+    ) -> ClosedLoopRollout:
         """The result with the states of a run at checks.
 
         Args:
@@ -121,22 +121,22 @@ class Feedback(ShortRepr):
         plan: the plan.
         nodes: (m + 1,) states of the plan.
         n_checks: (m,) numbers of checks in its segments.
-        planned: (m, n_vK) accelerations [m/s^2 or rad/s^2].
+        planned_acceleration: (m, n_vK) accelerations [m/s^2 or rad/s^2].
         A, B: (m, n_z, n_z), (m, n_z, n_vK) derivatives of its segments.
         gains: (m, n_vK, n_z) feedback gains.
-        active: (m + 1, n_strings) bool, the active sets after the nodes.
-        extended: references for other active sets.
+        active_sets: (m + 1, n_strings) bool, the active sets after the nodes.
+        extensions: references for other active sets.
     """
 
     plan: PlanPath
     nodes: StateArrays
     n_checks: Indices
-    planned: Array
+    planned_acceleration: Array
     A: Array
     B: Array
     gains: Array
-    active: MaskRows
-    extended: ExtendedReference
+    active_sets: MaskRows
+    extensions: ExtendedReference
 
     @classmethod
     def along(
@@ -163,30 +163,45 @@ class Feedback(ShortRepr):
         if not window >= 0:
             raise ValueError(f"window is {window}; it must be at least 0")
         rollouts, marionette = plan.rollouts, plan.problem.marionette
-        nodes, n_checks, planned = plan.states, plan.n_checks, plan.acceleration
+        nodes, n_checks, planned_acceleration = plan.states, plan.n_checks, plan.acceleration
         durations = n_checks.astype(float) * rollouts.options.interval
-        active = _active_sets(plan)
-        projection = taut_projection(marionette, nodes[:-1], active[:-1])
+        active_sets = _active_sets(plan)
+        projection = taut_projection(marionette, nodes[:-1], active_sets[:-1])
         A, B = active_set_derivatives(
-            marionette, nodes[:-1], active[:-1], planned, durations, projection
+            marionette, nodes[:-1], active_sets[:-1], planned_acceleration, durations, projection
         )
         catches = plan.tree.catches[list(plan.path[1:])]
-        for k in np.flatnonzero(np.any(active[1:] != active[:-1], axis=1) | (catches > 0)):
-            exact = event_derivatives(marionette, nodes[k], planned[k], durations[k], active[k])
+        for k in np.flatnonzero(
+            np.any(active_sets[1:] != active_sets[:-1], axis=1) | (catches > 0)
+        ):
+            exact = event_derivatives(
+                marionette, nodes[k], planned_acceleration[k], durations[k], active_sets[k]
+            )
             if exact is not None:
                 A[k], B[k] = exact
         n_z, table = A.shape[1], marionette.coordinates
         Q = np.diag(np.where(np.arange(n_z) < table.n_vD, 1.0, SPEED_WEIGHT**2))
-        moves, gains = rollouts.bounds.moves, np.zeros((len(n_checks), table.n_vK, n_z))
-        R = acceleration * np.eye(moves.sum())
-        gains[:, moves], P = riccati.gains(
-            A, B[:, :, moves], Q, R, Q + arrive * _goal_weights(plan, nodes[-1])
+        movable, gains = rollouts.bounds.movable, np.zeros((len(n_checks), table.n_vK, n_z))
+        R = acceleration * np.eye(movable.sum())
+        gains[:, movable], P = riccati.gains(
+            A, B[:, :, movable], Q, R, Q + arrive * _goal_weights(plan, nodes[-1])
         )
         reference = PlanReference(
-            marionette, nodes, active, durations, planned, A, B, gains, P, Q, R, moves
+            marionette,
+            nodes,
+            active_sets,
+            durations,
+            planned_acceleration,
+            A,
+            B,
+            gains,
+            P,
+            Q,
+            R,
+            movable,
         )
-        extended = ExtendedReference.of(reference, window)
-        return cls(plan, nodes, n_checks, planned, A, B, gains, active, extended)
+        extended = ExtendedReference.from_plan(reference, window)
+        return cls(plan, nodes, n_checks, planned_acceleration, A, B, gains, active_sets, extended)
 
     def acceleration(self, k: int, x: State) -> Array:
         """(n_vK,) accelerations for segment k from a state, within bounds [m/s^2 or rad/s^2].
@@ -200,19 +215,19 @@ class Feedback(ShortRepr):
             x: the puppet's state.
         """
         rollouts = self.plan.rollouts
-        bounds, T = self.plan.problem.bounds, rollouts.options.segment
+        bounds, duration = self.plan.problem.bounds, rollouts.options.segment
         if k < len(self.n_checks):
-            T = self.n_checks[k] * rollouts.options.interval
+            duration = self.n_checks[k] * rollouts.options.interval
             node, K = self.reference(k, x)
-            acc_K = self.planned[k] - K @ self.away(node, x)
+            acc_K = self.planned_acceleration[k] - K @ self.deviation(node, x)
         elif rollouts.laws:
             law, zeros = rollouts.laws[0], np.zeros_like
             target = StateArrays(law.q_D, zeros(x.v_D), x.slip, law.q_K, zeros(x.v_K))
-            acc_K = -law.gains @ self.away(target, x)
+            acc_K = -law.gains @ self.deviation(target, x)
         else:
-            acc_K = -x.v_K / T
-        slowest, fastest = self._velocities_within(x, T)
-        acc_K = np.clip(acc_K, (slowest - x.v_K) / T, (fastest - x.v_K) / T)
+            acc_K = -x.v_K / duration
+        slowest, fastest = self._velocities_within(x, duration)
+        acc_K = np.clip(acc_K, (slowest - x.v_K) / duration, (fastest - x.v_K) / duration)
         return np.clip(acc_K, -bounds.acceleration, bounds.acceleration)
 
     def reference(self, k: int, x: State) -> tuple[StateArrays, Array]:
@@ -223,18 +238,18 @@ class Feedback(ShortRepr):
             x: the puppet's state.
         """
         active = self.active_set(x)
-        e = self.extended.nearest(k, active)
-        if e is None or np.array_equal(active, self.active[k]):
+        index = self.extensions.nearest(k, active)
+        if index is None or np.array_equal(active, self.active_sets[k]):
             return self.nodes[k], self.gains[k]
-        return self.extended.nodes[e], self.extended.gains[e]
+        return self.extensions.nodes[index], self.extensions.gains[index]
 
     def active_set(self, x: State) -> MaskRows:
         """(n_strings,) bool: strings marked taut in the state, or at their length and at rest."""
-        marionette, strings = self.plan.problem.marionette, self.active.shape[1]
-        closed = ActiveSet.of(marionette, x, Evaluation.of(marionette, x))
-        return (closed.held | closed.slipping)[:strings]
+        marionette, n_strings = self.plan.problem.marionette, self.active_sets.shape[1]
+        active_set = ActiveSet.of(marionette, x, Evaluation.of(marionette, x))
+        return (active_set.held | active_set.slipping)[:n_strings]
 
-    def _velocities_within(self, x: State, T: float) -> tuple[Array, Array]:
+    def _velocities_within(self, x: State, duration: float) -> tuple[Array, Array]:
         """(n_vK,) lowest and highest velocities from which driven coordinates stop in their range.
 
         After T, v leaves enough distance to brake within d, in whole segments T_1::
@@ -242,24 +257,31 @@ class Feedback(ShortRepr):
             v^2 / (2 a) + v T_1 / 2 <= d - (v_K + v) T / 2
         """
         rollouts, table = self.plan.rollouts, self.plan.problem.marionette.coordinates
-        bounds, mean_duration = self.plan.problem.bounds, 0.5 * (T + rollouts.options.segment)
+        bounds = self.plan.problem.bounds
+        mean_duration = 0.5 * (duration + rollouts.options.segment)
         fastest, slowest = bounds.speed.copy(), -bounds.speed
         for q, v in table.scalars_K:
-            a = max(float(bounds.acceleration[v]), _TOLERANCES.min_acceleration)
+            acceleration = max(float(bounds.acceleration[v]), _TOLERANCES.min_acceleration)
 
-            def most(range_left: float, velocity: float, a: float = a) -> float:
-                distance = range_left - 0.5 * velocity * T
+            def max_speed(
+                range_left: float, velocity: float, acceleration: float = acceleration
+            ) -> float:
+                distance = range_left - 0.5 * velocity * duration
                 return float(
-                    a * (np.sqrt(max(mean_duration**2 + 2.0 / a * distance, 0.0)) - mean_duration)
+                    acceleration
+                    * (
+                        np.sqrt(max(mean_duration**2 + 2.0 / acceleration * distance, 0.0))
+                        - mean_duration
+                    )
                 )
 
-            fastest[v] = min(fastest[v], most(bounds.high[q] - x.q_K[q], x.v_K[v]))
-            slowest[v] = max(slowest[v], -most(x.q_K[q] - bounds.low[q], -x.v_K[v]))
+            fastest[v] = min(fastest[v], max_speed(bounds.high[q] - x.q_K[q], x.v_K[v]))
+            slowest[v] = max(slowest[v], -max_speed(x.q_K[q] - bounds.low[q], -x.v_K[v]))
         return slowest, np.maximum(fastest, slowest)
 
-    def away(self, node: StateArrays, x: State) -> Array:
+    def deviation(self, node: StateArrays, x: State) -> Array:
         """(n_z,) tangent vector from a reference state to a state."""
-        return away(self.plan.problem.marionette, node, x)
+        return deviation(self.plan.problem.marionette, node, x)
 
     def run(
         self,
@@ -270,7 +292,7 @@ class Feedback(ShortRepr):
         push: Push | None = None,
         hold: float = 0.0,
         closed: bool = True,
-    ) -> Followed:
+    ) -> ClosedLoopRollout:
         """The result of a closed-loop rollout, in which the puppet follows the plan.
 
         Args:
@@ -285,31 +307,33 @@ class Feedback(ShortRepr):
             StateError: puppet with other coordinates, or a run that cannot begin at ``x0``.
         """
         problem, options = self.plan.problem, self.plan.rollouts.options
-        simulated = problem.marionette if marionette is None else marionette
-        names = [(m.coordinates.v_D, m.coordinates.v_K) for m in (simulated, problem.marionette)]
+        puppet = problem.marionette if marionette is None else marionette
+        names = [(m.coordinates.v_D, m.coordinates.v_K) for m in (puppet, problem.marionette)]
         if names[0] != names[1]:
             raise StateError("this puppet has other coordinates than the plan's")
         if method == "timestepping":
             method = TimeStepping(dt=options.dt, extrapolate=False)
         method_options = as_method(method)
         x = exact_start(problem, method_options) if x0 is None else x0
-        stepper = simulated.stepper(x, method_options)
-        m, n_segment_checks = len(self.n_checks), options.n_checks
+        stepper = puppet.stepper(x, method_options)
+        n_plan_segments, n_segment_checks = len(self.n_checks), options.n_checks
         hold_segments = int(np.ceil(hold / options.segment - _TOLERANCES.rounding))
         states, applied = [x], list[Array]()
         for k in np.repeat(
-            np.arange(m + hold_segments),
+            np.arange(n_plan_segments + hold_segments),
             np.append(self.n_checks, np.full(hold_segments, n_segment_checks)),
         ):
             if len(applied) <= k:
-                feedback = closed or k >= m
-                applied.append(self.acceleration(int(k), x) if feedback else self.planned[k])
+                has_feedback = closed or k >= n_plan_segments
+                applied.append(
+                    self.acceleration(int(k), x) if has_feedback else self.planned_acceleration[k]
+                )
             u_D = None if push is None else push(x.t)
             x = stepper.advance(options.interval, applied[-1], u_D=u_D, throw=False)
             states.append(x)
             if not stepper.arrived:
                 break
-        return Followed.of(problem, states, np.array(applied), stepper.status)
+        return ClosedLoopRollout.from_states(problem, states, np.array(applied), stepper.status)
 
 
 def _active_sets(plan: PlanPath) -> MaskRows:

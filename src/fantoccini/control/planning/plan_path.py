@@ -149,7 +149,7 @@ class PlanPath:
                 displacement[k] = problem.rest_K[q] - (
                     self.states.q_K[-1, q] + 0.5 * braking_time * v[k]
                 )
-        displacement[~bounds.moves] = 0.0
+        displacement[~bounds.movable] = 0.0
         speed_time = np.max(_ratio(np.abs(displacement), bounds.speed), initial=0.0)
         squared_time = np.max(_ratio(np.abs(displacement), bounds.acceleration), initial=0.0)
         half_time = self._rounded_up(max(speed_time, np.sqrt(squared_time)))
@@ -164,9 +164,9 @@ class PlanPath:
         return float(np.ceil(duration / interval)) * interval
 
 
-def _ratio(a: Array, b: Array) -> Array:
+def _ratio(numerator: Array, denominator: Array) -> Array:
     """a / b, or 0 if b is 0."""
-    return np.divide(a, b, out=np.zeros_like(a), where=b > 0.0)
+    return np.divide(numerator, denominator, out=np.zeros_like(numerator), where=denominator > 0.0)
 
 
 def exact_start(problem: Problem, method: Method | MethodName) -> State:

@@ -82,7 +82,9 @@ class EST2007:
         n_checks = int(rng.integers(min_checks, max_checks + 1))
         velocity = rng.uniform(-1.0, 1.0, (self.batch, tree.v_K.shape[1])) * rollouts.bounds.speed
         interval = rollouts.options.interval
-        acceleration = towards(velocity, tree.v_K[start_nodes], 1, n_checks * interval, rollouts)
+        acceleration = accelerations_towards(
+            velocity, tree.v_K[start_nodes], 1, n_checks * interval, rollouts
+        )
         segments = rollouts.simulate(tree.states, start_nodes, acceleration, n_checks=n_checks)
         return PlannerRound(
             segments.n_simulated, tree.add_segments(segments, start_nodes, interval)
@@ -127,29 +129,32 @@ class Explore:
         start_nodes = self._sparse_nodes(tree, rollouts, n, rng)
         np.add.at(tree.tried, start_nodes, 1)
         duration = rollouts.options.segment
-        n_random, n_led = (
-            max(1, round(s / duration)) for s in (self.max_exploration_time, self.max_guided_time)
+        n_random, n_guided = (
+            max(1, round(time / duration))
+            for time in (self.max_exploration_time, self.max_guided_time)
         )
-        n_given = rng.integers(1, n_random + 1, n)
-        n_led = n_led if rollouts.laws else 0
-        if n_led:
-            n_given[rng.random(n) < self.direct_share] = 0
-        if n_led and rollouts.goal.touches and len(tree) == 1:
-            n_given[: self.n_first_direct] = 0  # the first rollout that arrives is the plan
+        n_prescribed = rng.integers(1, n_random + 1, n)
+        n_guided = n_guided if rollouts.laws else 0
+        if n_guided:
+            n_prescribed[rng.random(n) < self.direct_share] = 0
+        if n_guided and rollouts.goal.touches and len(tree) == 1:
+            n_prescribed[: self.n_first_direct] = 0  # the first rollout that arrives is the plan
         velocity = rollouts.bounds.speed * rng.uniform(-1.0, 1.0, (n, tree.v_K.shape[1]))
         velocity *= _exploring_velocities(rollouts, n, rng)
-        acceleration = np.empty((n, n_random + n_led, velocity.shape[1]))
-        acceleration[:, :n_random] = towards(
+        acceleration = np.empty((n, n_random + n_guided, velocity.shape[1]))
+        acceleration[:, :n_random] = accelerations_towards(
             velocity, tree.v_K[start_nodes], n_random, duration, rollouts
         )
-        n_segments = np.minimum((tree.bound - tree.cost[start_nodes]) / duration, n_random + n_led)
-        if not n_led:
-            n_segments = np.minimum(n_segments, n_given)
+        n_segments = np.minimum(
+            (tree.bound - tree.cost[start_nodes]) / duration, n_random + n_guided
+        )
+        if not n_guided:
+            n_segments = np.minimum(n_segments, n_prescribed)
         segments = rollouts.simulate(
             tree.states,
             start_nodes,
             acceleration,
-            n_given=n_given,
+            n_prescribed=n_prescribed,
             n_segments=np.maximum(n_segments, 1.0).astype(int),
             law=rng.integers(0, max(1, len(rollouts.laws)), n),
             lead_time=rng.uniform(*self.lead_times, n),
@@ -183,9 +188,9 @@ class Explore:
 def _exploring_velocities(rollouts: Rollouts, n: int, rng: np.random.Generator) -> Array:
     """(n, n_vK) 1 for the exploring driven velocities, those of some string ends; 0 for others."""
     end_of_velocity, ends = rollouts.string_ends
-    explores = rng.random((n, ends)) < _SAMPLING.mean_extra_ends / ends
-    explores[np.arange(n), rng.integers(0, ends, n)] = True
-    return explores[:, end_of_velocity].astype(float)
+    is_exploring = rng.random((n, ends)) < _SAMPLING.mean_extra_ends / ends
+    is_exploring[np.arange(n), rng.integers(0, ends, n)] = True
+    return is_exploring[:, end_of_velocity].astype(float)
 
 
 def time_to_go(q_K: Array, rollouts: Rollouts) -> Array:
@@ -193,13 +198,15 @@ def time_to_go(q_K: Array, rollouts: Rollouts) -> Array:
     if not rollouts.laws:
         return np.zeros(len(q_K))
     table, bounds = rollouts.marionette.coordinates, rollouts.bounds
-    indices = [(q, v) for q, v in table.scalars_K if bounds.moves[v]]
+    indices = [(q, v) for q, v in table.scalars_K if bounds.movable[v]]
     q, v = np.array(indices).T
     distance = np.abs(q_K[:, q] - rollouts.laws[0].q_K[q])
     return np.max(distance / bounds.speed[v], axis=1)
 
 
-def towards(target: Array, v_K: Array, segments: int, duration: float, rollouts: Rollouts) -> Array:
+def accelerations_towards(
+    target: Array, v_K: Array, segments: int, duration: float, rollouts: Rollouts
+) -> Array:
     """(n, segments, n_vK) accelerations towards given velocities, within the bounds.
 
     Args:
@@ -216,8 +223,8 @@ def towards(target: Array, v_K: Array, segments: int, duration: float, rollouts:
 
 def _random_indices(weight: Array, n: int, rng: np.random.Generator) -> Indices:
     """(n,) random indices, with probabilities in proportion to the weights."""
-    sums = np.cumsum(weight)
-    return np.searchsorted(sums, rng.random(n) * sums[-1])
+    cumulative_weight = np.cumsum(weight)
+    return np.searchsorted(cumulative_weight, rng.random(n) * cumulative_weight[-1])
 
 
 @cache

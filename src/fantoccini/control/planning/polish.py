@@ -58,7 +58,7 @@ class PolishStatus(Outcome):
 
 
 @dataclass(frozen=True)
-class Polish:
+class PolishResult:
     """The outcome of polishing a plan.
 
     Attributes:
@@ -75,15 +75,15 @@ class Polish:
     violated: tuple[str, ...] = ()
 
     @classmethod
-    def of(cls, data: list[Any] | None) -> Polish | None:
-        """The outcome from :attr:`plain`."""
+    def from_list(cls, data: list[Any] | None) -> PolishResult | None:
+        """The outcome from :attr:`as_list`."""
         if data is None:
             return None
         status, required, nearest, violated = data
         return cls(PolishStatus[status], float(required), float(nearest), tuple(map(str, violated)))
 
     @property
-    def plain(self) -> list[Any]:
+    def as_list(self) -> list[Any]:
         """The outcome as plain data."""
         return [self.status.name, self.required, self.nearest, list(self.violated)]
 
@@ -105,7 +105,7 @@ class Polisher:
 
     Attributes:
         nearest: best rollout that misses the goal, with the lowest merit; None if there is none.
-        late: whether the time ended before a plan reached the goal.
+        timed_out: whether the time ended before a plan reached the goal.
 
     Args:
         problem: the planning problem.
@@ -120,9 +120,9 @@ class Polisher:
         if problem.touches.expected:
             raise ValueError("a plan that may touch something cannot be polished")
         self._problem, self._shooting = problem, Shooting(problem)
-        self._strict = problem.rollouts.with_tolerance(tolerance=-1.0)
+        self._bounded_rollouts = problem.rollouts.with_tolerance(tolerance=-1.0)
         self.nearest: Candidates | None = None
-        self.late = False
+        self.timed_out = False
 
     def __call__(
         self,
@@ -130,9 +130,9 @@ class Polisher:
         n_checks: Indices,
         distance: float,
         seconds: float,
-        limit: float = np.inf,
+        time_limit: float = np.inf,
         *,
-        shorter: bool = True,
+        shorten: bool = True,
     ) -> Iterator[Segments]:
         """Yields plans that end at the goal, each shorter than the previous one.
 
@@ -141,38 +141,38 @@ class Polisher:
             n_checks: (m,) numbers of checks in the segments.
             distance: required distance from the goal.
             seconds: time to search for shorter plans [s].
-            limit: time after which polishing is abandoned if no plan has come within `distance` of
-                the goal [s].
-            shorter: whether to search for shorter plans.
+            time_limit: time after which polishing is abandoned if no plan has come within
+                `distance` of the goal [s].
+            shorten: whether to search for shorter plans.
         """
         start_time = time.perf_counter()
-        search_deadline, deadline = start_time + seconds, start_time + limit
+        search_deadline, deadline = start_time + seconds, start_time + time_limit
         V = self._resample(acceleration, n_checks)
         segment_counts = [
-            max(1, round(x * len(V))) for x in _ATTEMPTS.durations if shorter or x >= 1.0
+            max(1, round(x * len(V))) for x in _ATTEMPTS.durations if shorten or x >= 1.0
         ]
         V, segment = self._shooting.within(V), self._shooting.segment
         trials = itertools.chain(
             ((self._stretch(V, m), False) for m in segment_counts),
-            ((self._shooting.continued(V, round(s / segment)), True) for s in _ATTEMPTS.extensions),
+            ((self._shooting.extended(V, round(s / segment)), True) for s in _ATTEMPTS.extensions),
         )
-        timely = itertools.takewhile(lambda _: time.perf_counter() < deadline, trials)
-        self.nearest, self.late = None, True
+        trials_in_time = itertools.takewhile(lambda _: time.perf_counter() < deadline, trials)
+        self.nearest, self.timed_out = None, True
         candidates = (
             self._descend(
                 velocities,
                 distance,
-                deadline if end_only else self._first_deadline(limit),
+                deadline if end_only else self._first_deadline(time_limit),
                 end_only,
             )
-            for velocities, end_only in timely
+            for velocities, end_only in trials_in_time
         )
         best = next((candidate for candidate in candidates if candidate is not None), None)
-        self.late = time.perf_counter() >= deadline
+        self.timed_out = time.perf_counter() >= deadline
         if best is None:
             return
         yield self._simulate(best)
-        n_fewer = round(_ATTEMPTS.shortening * len(best)) if shorter else 0
+        n_fewer = round(_ATTEMPTS.shortening * len(best)) if shorten else 0
         while n_fewer and time.perf_counter() < search_deadline:
             m = max(1, len(best) - n_fewer)
             shortened = self._descend(self._stretch(best.V[0], m), distance, search_deadline)
@@ -183,9 +183,9 @@ class Polisher:
                 yield self._simulate(best)
 
     @staticmethod
-    def _first_deadline(limit: float) -> float:
+    def _first_deadline(time_limit: float) -> float:
         """Time at which to stop varying the whole plan; then only its end is varied."""
-        return time.perf_counter() + _ATTEMPTS.first_share * limit
+        return time.perf_counter() + _ATTEMPTS.first_share * time_limit
 
     def _descend(
         self, V: Array, distance: float, search_deadline: float, end_only: bool = False
@@ -213,31 +213,33 @@ class Polisher:
             self.nearest = result.candidate
         return None
 
-    def outcome(self, status: PolishStatus, required: float) -> Polish:
+    def outcome(self, status: PolishStatus, required: float) -> PolishResult:
         """The outcome, with the nearest candidate of the last plan."""
         if self.nearest is None:
-            return Polish(status, required)
-        violated = self._shooting.violated(self.nearest)
-        if not self._shooting.stays(self.nearest):
+            return PolishResult(status, required)
+        violated = self._shooting.violated_constraints(self.nearest)
+        if not self._shooting.stays_at_goal(self.nearest):
             violated += ("equilibrium",)
-        return Polish(status, required, float(self.nearest.distance[0]), violated)
+        return PolishResult(status, required, float(self.nearest.distance[0]), violated)
 
     def _arrives(self, candidate: Candidates, distance: float) -> bool:
         """Whether a candidate ends at the goal, within all bounds."""
-        at_goal = candidate.distance[0] <= distance and self._shooting.stays(candidate)
+        at_goal = candidate.distance[0] <= distance and self._shooting.stays_at_goal(candidate)
         return bool(at_goal and self._simulate(candidate).distance[0, -1] <= distance)
 
     def _simulate(self, candidate: Candidates) -> Segments:
         """A candidate's rollout with bounds and obstacles."""
         acceleration = self._shooting.accelerations(candidate.V)
-        return self._strict.simulate(self._problem.root, np.zeros(1, int), acceleration)
+        return self._bounded_rollouts.simulate(self._problem.root, np.zeros(1, int), acceleration)
 
     def _resample(self, acceleration: Array, n_checks: Indices) -> Array:
         """(m, n_vK) velocities in segments of the usual duration; the last may be longer."""
         durations = n_checks * self._problem.rollouts.options.interval
         times = np.concatenate([[0.0], np.cumsum(durations)])
-        first = self._problem.root.v_K
-        V = np.concatenate([first, first + np.cumsum(acceleration * durations[:, None], axis=0)])
+        start_velocity = self._problem.root.v_K
+        V = np.concatenate(
+            [start_velocity, start_velocity + np.cumsum(acceleration * durations[:, None], axis=0)]
+        )
         segment = self._shooting.segment
         n_segments = math.ceil(times[-1] / segment - _ATTEMPTS.rounding)
         end_times = segment * np.arange(1, n_segments + 1)

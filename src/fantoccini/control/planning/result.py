@@ -12,15 +12,15 @@ import numpy as np
 
 from fantoccini.base import Array, Times, check_not_negative, output
 from fantoccini.control.planning import archive
-from fantoccini.control.planning.check import Check, checked, confirmed
+from fantoccini.control.planning.check import Check, check_plan, confirm_plan
 from fantoccini.control.planning.feedback import Feedback
 from fantoccini.control.planning.plan_path import PlanPath
 from fantoccini.control.planning.planners import Planner
-from fantoccini.control.planning.polish import Polish
+from fantoccini.control.planning.polish import PolishResult
 from fantoccini.control.planning.search import Search
 from fantoccini.control.planning.search_tree import SearchTree
 from fantoccini.control.problems import Problem, Rollouts
-from fantoccini.control.tasks import Answer, AnswerStatus, Goal, Meeting, StateArrays
+from fantoccini.control.tasks import Answer, AnswerStatus, Goal, StateArrays, TouchEvent
 from fantoccini.dynamics.compiled import Method, MethodName
 from fantoccini.kernel.runtime import POINT
 from fantoccini.motion import Input, State, Trajectory
@@ -50,14 +50,14 @@ class PlanResult(Answer):
     seconds: float
     curve: tuple[tuple[float, int, float], ...]
     refused: int
-    polished: Polish | None
+    polished: PolishResult | None
 
     @classmethod
-    def of(cls, search: Search) -> PlanResult:
+    def from_search(cls, search: Search) -> PlanResult:
         """The best plan of a search so far."""
         problem, record = search.problem, search.record
         tree, best = record.tree, record.best
-        status = AnswerStatus.OUT_OF_TIME if record.late else AnswerStatus.APPROXIMATE
+        status = AnswerStatus.OUT_OF_TIME if record.timed_out else AnswerStatus.APPROXIMATE
         if problem.reason:
             status = AnswerStatus.INFEASIBLE_START
         elif problem.out_of_reach:
@@ -163,7 +163,7 @@ class PlanResult(Answer):
         Raises:
             FileError: file that is not a plan, or belongs to another problem.
         """
-        return cls.of(archive.load(path, problem, planner))
+        return cls.from_search(archive.load(path, problem, planner))
 
     def grow(self, seconds: float = 1.0, iterations: int | None = None) -> PlanResult:
         """The result of a continued search, for a plan or a better one.
@@ -179,7 +179,7 @@ class PlanResult(Answer):
         with contextlib.suppress(KeyboardInterrupt):
             search = self.search.find_better if self.search.arrived else self.search.find_first
             search(seconds, iterations)
-        return PlanResult.of(self.search)
+        return PlanResult.from_search(self.search)
 
     @cached_property
     def holds(self) -> bool:
@@ -188,7 +188,7 @@ class PlanResult(Answer):
         If the search did not confirm its plans, the first call simulates the plan.
         """
         if self.status is AnswerStatus.UNCONFIRMED:
-            return confirmed(self.plan_path).arrives
+            return confirm_plan(self.plan_path).arrives
         return self.status.holds
 
     def __repr__(self) -> str:
@@ -204,10 +204,10 @@ class PlanResult(Answer):
         text = self.reason or self.status.message
         if self.status is AnswerStatus.UNCONFIRMED and not self:
             text += ", and does not hold in simulation"
-        return text + self._missing + self._notes
+        return text + self._unmet_conditions + self._notes
 
     @property
-    def _missing(self) -> str:
+    def _unmet_conditions(self) -> str:
         """Missing conditions at the goal, in words, if there is no plan."""
         problem = self.problem
         if self.reason or self.distance <= problem.tolerance:
@@ -218,8 +218,8 @@ class PlanResult(Answer):
         elif problem.goal.touches:
             gaps = problem.goal.gaps(self.states[-1:])[0]
             parts += [
-                f"{a} is {gap:.3g} m from {b}"
-                for (a, b), gap in zip(problem.goal.touches, gaps, strict=True)
+                f"{first} is {gap:.3g} m from {second}"
+                for (first, second), gap in zip(problem.goal.touches, gaps, strict=True)
                 if gap > 0.0
             ]
         return "".join(f"; {text}" for text in parts)
@@ -235,7 +235,7 @@ class PlanResult(Answer):
     def ended_by_clock(self) -> bool:
         """Whether a time limit selected the plan, so that a second run may find another."""
         has_plan = self.distance <= self.problem.tolerance and len(self.path) > 1
-        return has_plan and not self.reason and self.search.late
+        return has_plan and not self.reason and self.search.timed_out
 
     def polish(self, distance: float = 1e-3, seconds: float = 0.5) -> PlanResult:
         """The plan with its end nearer to the goal, and shorter where possible.
@@ -258,7 +258,7 @@ class PlanResult(Answer):
             raise ValueError(f"there is no plan to polish: {self.message}")
         with contextlib.suppress(KeyboardInterrupt):
             self.search.polish(distance, seconds)
-        return PlanResult.of(self.search)
+        return PlanResult.from_search(self.search)
 
     @property
     def reason(self) -> str:
@@ -291,9 +291,9 @@ class PlanResult(Answer):
         return self.rollouts.clearance.least(self.trajectory).distance
 
     @property
-    def touches(self) -> tuple[Meeting, ...]:
+    def touches(self) -> tuple[TouchEvent, ...]:
         """Touches of bodies with other parts in ``trajectory``, in order."""
-        return self.problem.touches.meetings(self.trajectory)
+        return self.problem.touches.touch_events(self.trajectory)
 
     def plot(self, path: str | Path, **options: Any) -> Path:
         """Draws the paper's Fig. 4: the tree's nodes, the path of a point (:meth:`traces`), poses.
@@ -339,13 +339,13 @@ class PlanResult(Answer):
     def replay(self) -> bool:
         """Whether every segment, simulated again, gives the same result to the last bit."""
         tree, rollouts = self.tree, self.rollouts.with_tolerance(tolerance=-1.0)
-        for before, node in zip(self.path, self.path[1:], strict=False):
+        for parent, node in zip(self.path, self.path[1:], strict=False):
             replayed = rollouts.replay(
-                tree.states[[before]], tree.acceleration[node], int(tree.n_checks[node])
+                tree.states[[parent]], tree.acceleration[node], int(tree.n_checks[node])
             )
             saved = tree.states[[node]].parts
             if replayed is None or not all(
-                np.array_equal(a, saved[name]) for name, a in replayed.parts.items()
+                np.array_equal(array, saved[name]) for name, array in replayed.parts.items()
             ):
                 return False
         return True
@@ -370,4 +370,4 @@ class PlanResult(Answer):
             MissingLibraryError: MuJoCo is not installed.
             ValueError: unknown backend, or options that do not fit it.
         """
-        return checked(self.plan_path, dt_factor, method, backend)
+        return check_plan(self.plan_path, dt_factor, method, backend)

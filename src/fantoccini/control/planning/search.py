@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from fantoccini.control.planning.check import confirmed
+from fantoccini.control.planning.check import confirm_plan
 from fantoccini.control.planning.options import SearchOptions
 from fantoccini.control.planning.plan_path import PlanPath
-from fantoccini.control.planning.polish import Polish, Polisher, PolishStatus
+from fantoccini.control.planning.polish import Polisher, PolishResult, PolishStatus
 from fantoccini.control.planning.search_tree import SearchTree
 from fantoccini.control.problems import Problem
 from fantoccini.control.tasks import Objective
@@ -48,7 +48,7 @@ class SearchRecord:
         curve: (seconds, rollouts, duration) of every plan that was the best, in order. A polished
             plan is nearer to the goal, but may be longer than the previous one.
         random_state: state of the random generator, as plain data.
-        late: whether a time limit ended the search, or its last stage.
+        timed_out: whether a time limit ended the search, or its last stage.
         refused: number of plans that reached the goal in the search, not in a second simulation.
         polished: the outcome of polishing the best plan; None if it was not attempted.
     """
@@ -59,9 +59,9 @@ class SearchRecord:
     seconds: float
     curve: tuple[tuple[float, int, float], ...]
     random_state: Mapping[str, Any]
-    late: bool
+    timed_out: bool
     refused: int
-    polished: Polish | None
+    polished: PolishResult | None
 
 
 class Search:
@@ -73,7 +73,7 @@ class Search:
     Attributes:
         problem, options: see below.
         objective: cost of plans: that of the options, otherwise that of the problem.
-        tree, best, tried, seconds, curve, late, refused, polished: see :class:`SearchRecord`.
+        tree, best, tried, seconds, curve, timed_out, refused, polished: see :class:`SearchRecord`.
         fault: reason why the last plan was refused; empty if none was.
 
     Args:
@@ -86,13 +86,13 @@ class Search:
         objective = options.objective
         self.objective = problem.objective if objective is None else Objective.of(objective)
         self.tree, self.best, self.tried, self.seconds = self._new_tree(np.inf), 0, 0, 0.0
-        self.late, self.refused = False, 0
-        self.polished: Polish | None = None
+        self.timed_out, self.refused = False, 0
+        self.polished: PolishResult | None = None
         self.fault = ""
         self.curve: list[tuple[float, int, float]] = []
         self._planner = options.planner_round
         self._rng = np.random.default_rng(options.seed)
-        self._growing = self.tree
+        self._growing_tree = self.tree
         if self.arrived:
             self.curve.append((0.0, 0, 0.0))
 
@@ -111,16 +111,18 @@ class Search:
             self.seconds,
             tuple(self.curve),
             self._rng.bit_generator.state,
-            self.late,
+            self.timed_out,
             self.refused,
             self.polished,
         )
 
     def restore(self, record: SearchRecord) -> None:
         """Returns to a record; a tree that has no plan yet is discarded."""
-        self.tree, self._growing, self.best = record.tree, record.tree, record.best
+        self.tree, self._growing_tree, self.best = record.tree, record.tree, record.best
         self.tried, self.seconds, self.curve = record.tried, record.seconds, list(record.curve)
-        self.late, self.refused, self.polished = record.late, record.refused, record.polished
+        self.timed_out = record.timed_out
+        self.refused = record.refused
+        self.polished = record.polished
         self._rng.bit_generator.state = record.random_state
 
     def find_first(self, time_limit: float, iterations: int | None = None) -> None:
@@ -141,17 +143,17 @@ class Search:
         until = time.perf_counter() + seconds
         if self.problem.touches.expected:
             self.find_better(seconds)
-            self.polished = Polish(PolishStatus.MAY_TOUCH, distance)
+            self.polished = PolishResult(PolishStatus.MAY_TOUCH, distance)
             return
         self.find_better(_EFFORT.first_growth * seconds)
         if self.problem.goal.function is not None:
-            self.polished = Polish(PolishStatus.UNKNOWN_GOAL, distance)
+            self.polished = PolishResult(PolishStatus.UNKNOWN_GOAL, distance)
             return
         if self.best == 0:
             self.polish(distance, 0.0)
             return
         best_polished = attempted = None
-        self.polished = Polish(PolishStatus.TIMEOUT, distance)
+        self.polished = PolishResult(PolishStatus.TIMEOUT, distance)
         try:
             while (time_left := until - time.perf_counter()) > 0.0:
                 if (self.tree, self.best) != attempted and self.polish(
@@ -168,9 +170,9 @@ class Search:
             if best_polished is not None:
                 self.polished = best_polished[2]
             elif self.polished is None:  # there was no time left for the last plan
-                self.polished = Polish(PolishStatus.TIMEOUT, distance)
+                self.polished = PolishResult(PolishStatus.TIMEOUT, distance)
 
-    def polish(self, distance: float, seconds: float, limit: float = np.inf) -> bool:
+    def polish(self, distance: float, seconds: float, time_limit: float = np.inf) -> bool:
         """Brings the end of the best plan nearer to the goal, and shortens the plan.
 
         The plan may last longer than before if it cannot come near enough otherwise.
@@ -178,7 +180,7 @@ class Search:
         Args:
             distance: required distance from the goal.
             seconds: time to shorten the plan once it ends within that distance [s].
-            limit: time after which polishing is abandoned if it does not [s].
+            time_limit: time after which polishing is abandoned if it does not [s].
 
         Returns:
             Whether the best plan now ends within the distance.
@@ -195,22 +197,22 @@ class Search:
         )
         plan, candidates = self._path(self.tree, self.best), []
         if len(plan.path) == 1:
-            end = float(self.tree.distance[self.best])
-            is_near = end <= distance
+            end_distance = float(self.tree.distance[self.best])
+            is_near = end_distance <= distance
             status = PolishStatus.NO_BETTER if is_near else PolishStatus.NO_MOTION
-            self.polished = Polish(status, distance, end)
+            self.polished = PolishResult(status, distance, end_distance)
             return self.polished.reached
         polisher, status = Polisher(self.problem), PolishStatus.INTERRUPTED
         try:
-            shorter = not self.objective.acceleration
-            steps = plan.acceleration, plan.n_checks
-            for shortest in polisher(*steps, distance, seconds, limit, shorter=shorter):
-                candidates.append(shortest)
-            status = PolishStatus.TIMEOUT if polisher.late else PolishStatus.NOT_NEAR
+            shorten = not self.objective.acceleration
+            segments = plan.acceleration, plan.n_checks
+            for candidate in polisher(*segments, distance, seconds, time_limit, shorten=shorten):
+                candidates.append(candidate)
+            status = PolishStatus.TIMEOUT if polisher.timed_out else PolishStatus.NOT_NEAR
         finally:
             # After Ctrl-C the shortest plan that a simulation confirms is kept.
             self.seconds += time.perf_counter() - start_time
-            self.late = self.late or seconds > 0.0 or polisher.late
+            self.timed_out = self.timed_out or seconds > 0.0 or polisher.timed_out
             if candidates:
                 status = self._accept_first_confirmed(reversed(candidates), distance)
             self.polished = polisher.outcome(status, distance)
@@ -221,13 +223,13 @@ class Search:
 
         If none qualifies, the result is the status of the first one.
         """
-        refusals = []
+        statuses = []
         for segments in plans:
             status = self._accept(segments, distance)
             if status.reached:
                 return status
-            refusals.append(status)
-        return refusals[0]
+            statuses.append(status)
+        return statuses[0]
 
     def _accept(self, segments: Segments, distance: float) -> PolishStatus:
         """Makes a polished plan the best one if it is better and confirmed; returns the status."""
@@ -247,13 +249,13 @@ class Search:
         self.tree, self.best = tree, node
         self.curve.append((self.seconds, self.tried, float(tree.time[node])))
 
-    def _run(self, done: Callable[[], bool], time_limit: float, iterations: int | None) -> None:
+    def _run(self, is_done: Callable[[], bool], time_limit: float, iterations: int | None) -> None:
         start_time, max_tried = time.perf_counter(), self.tried + (iterations or 0)
         search_start = start_time - self.seconds
         try:
-            while not done() and not self.problem.infeasible:
-                self.late = time.perf_counter() - start_time > time_limit
-                if self.late or (iterations is not None and self.tried >= max_tried):
+            while not is_done() and not self.problem.infeasible:
+                self.timed_out = time.perf_counter() - start_time > time_limit
+                if self.timed_out or (iterations is not None and self.tried >= max_tried):
                     break
                 self._round(search_start)
         finally:
@@ -265,9 +267,9 @@ class Search:
         Args:
             search_start: time at which the search began [s].
         """
-        rollouts, tree = self.problem.rollouts, self._growing
+        rollouts, tree = self.problem.rollouts, self._growing_tree
         if self.arrived and (tree is self.tree or len(tree) > _EFFORT.max_nodes):
-            tree = self._growing = self._new_tree(np.inf)
+            tree = self._growing_tree = self._new_tree(np.inf)
         if self.arrived:
             # Better than the best plan, which may have been polished, by at least one check.
             cost = float(self.tree.cost[self.best])
@@ -298,7 +300,7 @@ class Search:
         """Whether a second simulation confirms the plan to a node; if not, it is discarded."""
         if not self.options.confirm:
             return True
-        check = confirmed(self._path(tree, node))
+        check = confirm_plan(self._path(tree, node))
         if check.arrives:
             return True
         self.fault = check.fault

@@ -61,9 +61,11 @@ class SearchTree:
         objective: Objective = TIME,
     ):
         self.n, self.bound, self.objective = 0, bound, objective
-        widths = {name: a.shape[-1] for name, a in root.parts.items()} | {"acceleration": n_vK}
+        widths = {name: values.shape[-1] for name, values in root.parts.items()} | {
+            "acceleration": n_vK
+        }
         arrays: dict[str, Any] = {
-            name: np.empty((_INITIAL_CAPACITY, w)) for name, w in widths.items()
+            name: np.empty((_INITIAL_CAPACITY, width)) for name, width in widths.items()
         }
         for name in ("time", "cost", "distance"):
             arrays[name] = np.empty(_INITIAL_CAPACITY)
@@ -82,12 +84,14 @@ class SearchTree:
         )
 
     @classmethod
-    def of(cls, arrays: dict[str, Array], like: SearchTree, bound: float = np.inf) -> SearchTree:
+    def from_arrays(
+        cls, arrays: dict[str, Array], template: SearchTree, bound: float = np.inf
+    ) -> SearchTree:
         """A tree with the given ``arrays``.
 
         Args:
             arrays: arrays of a tree.
-            like: a tree of the same puppet.
+            template: a tree of the same puppet.
             bound: upper bound of a plan's cost [s].
 
         Raises:
@@ -95,13 +99,13 @@ class SearchTree:
         """
         tree = cls.__new__(cls)
         tree.n, tree.bound = len(arrays["parent"]), bound
-        tree.objective = like.objective
-        tree._arrays = {name: arrays[name] for name in like.arrays}
-        for name, a in tree._arrays.items():
-            expected = like.arrays[name]
-            if a.dtype != expected.dtype or a.shape != (tree.n, *expected.shape[1:]):
-                raise ValueError(f"{name} has the shape {a.shape} of {a.dtype}")
-            if name not in ("distance", *STATE) and not np.all(np.isfinite(a)):
+        tree.objective = template.objective
+        tree._arrays = {name: arrays[name] for name in template.arrays}
+        for name, array in tree._arrays.items():
+            expected = template.arrays[name]
+            if array.dtype != expected.dtype or array.shape != (tree.n, *expected.shape[1:]):
+                raise ValueError(f"{name} has the shape {array.shape} of {array.dtype}")
+            if name not in ("distance", *STATE) and not np.all(np.isfinite(array)):
                 raise ValueError(f"{name} is not finite")
         parent = tree._arrays["parent"]
         if not tree.n or parent[0] != -1 or np.any(parent[1:] < 0):
@@ -113,7 +117,7 @@ class SearchTree:
     @property
     def arrays(self) -> dict[str, Array]:
         """Name of an attribute -> (n, ...) array, as above."""
-        return {name: a[: self.n] for name, a in self._arrays.items()}
+        return {name: values[: self.n] for name, values in self._arrays.items()}
 
     def __len__(self) -> int:
         return self.n
@@ -142,13 +146,14 @@ class SearchTree:
         k = len(states.q_D)
         while self.n + k > len(self._arrays["parent"]):
             self._arrays = {
-                name: np.concatenate([a, np.empty_like(a)]) for name, a in self._arrays.items()
+                name: np.concatenate([values, np.empty_like(values)])
+                for name, values in self._arrays.items()
             }
-        new = slice(self.n, self.n + k)
-        for name, a in {**states.parts, **arrays, "tried": 0}.items():
-            self._arrays[name][new] = a
+        rows = slice(self.n, self.n + k)
+        for name, values in {**states.parts, **arrays, "tried": 0}.items():
+            self._arrays[name][rows] = values
         self.n += k
-        return range(new.start, new.stop)
+        return range(rows.start, rows.stop)
 
     def add_segments(self, segments: Segments, start_nodes: Indices, interval: float) -> range:
         """Adds the ends of all segments that rollouts completed.
@@ -163,22 +168,22 @@ class SearchTree:
         """
         completed = np.flatnonzero(segments.n_checks)
         rollout, segment_index = np.divmod(completed, segments.n_checks.shape[1])
-        begin, start_nodes = segment_index == 0, start_nodes[rollout]
+        is_first, start_nodes = segment_index == 0, start_nodes[rollout]
         n_checks, catches = (
             segments.n_checks.ravel()[completed],
             segments.catches.ravel()[completed],
         )
         acceleration = flattened(segments.acc_K)[completed]
-        time = interval * _cumulative(n_checks, begin)
+        time = interval * _cumulative(n_checks, is_first)
         cost = self.objective.cost(
             time,
-            _cumulative(catches, begin),
-            lambda: _cumulative(interval * n_checks * (acceleration**2).sum(axis=1), begin),
+            _cumulative(catches, is_first),
+            lambda: _cumulative(interval * n_checks * (acceleration**2).sum(axis=1), is_first),
         )
         return self.add(
             StateArrays(**{name: flattened(a)[completed] for name, a in segments.states.items()}),
             acceleration=acceleration,
-            parent=np.where(begin, start_nodes, self.n + np.arange(len(completed)) - 1),
+            parent=np.where(is_first, start_nodes, self.n + np.arange(len(completed)) - 1),
             n_checks=n_checks,
             catches=catches,
             time=self.time[start_nodes] + time,
@@ -194,8 +199,8 @@ class SearchTree:
         return path[::-1]
 
 
-def _cumulative(a: Array | Indices, begin: MaskRows) -> Array:
+def _cumulative(values: Array | Indices, is_first: MaskRows) -> Array:
     """(n,) cumulative sums that restart at the beginning of every rollout."""
-    sums = np.cumsum(a)
-    before = (sums - a)[begin]
-    return sums - before[np.cumsum(begin) - 1]
+    sums = np.cumsum(values)
+    offset = (sums - values)[is_first]
+    return sums - offset[np.cumsum(is_first) - 1]

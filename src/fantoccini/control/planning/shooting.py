@@ -105,13 +105,13 @@ class Derivatives:
     Attributes:
         basis: (m, n_b) basis for the velocity of every coordinate that moves.
         residual: (n_r, n_b n_moves) derivatives of the goal residual.
-        near: (k, 2) checks and indices of the constraints that are nearly violated.
+        near_violations: (k, 2) checks and indices of the constraints that are nearly violated.
         constraints: (k, n_b n_moves) derivatives of those.
     """
 
     basis: Array
     residual: Array
-    near: Indices
+    near_violations: Indices
     constraints: Array
 
 
@@ -121,7 +121,7 @@ class Shooting:
     Attributes:
         problem: the planning problem.
         n_checks: number of checks in a segment.
-        moves: (n_m,) indices of driven velocities that may be varied.
+        movable: (n_m,) indices of driven velocities that may be varied.
 
     Args:
         problem: see above.
@@ -129,30 +129,30 @@ class Shooting:
 
     def __init__(self, problem: Problem):
         rollouts, self.n_checks = problem.rollouts, problem.rollouts.options.n_checks
-        self.problem, self.moves = problem, np.flatnonzero(rollouts.bounds.moves)
-        self._free = rollouts.with_tolerance(tolerance=-1.0, free=True)
+        self.problem, self.movable = problem, np.flatnonzero(rollouts.bounds.movable)
+        self._unbounded_rollouts = rollouts.with_tolerance(tolerance=-1.0, unbounded=True)
         table = problem.marionette.coordinates
-        self._driven = [q for q, v in table.scalars_K if v in self.moves]
+        self._driven = [q for q, v in table.scalars_K if v in self.movable]
         self._taut: Indices = np.zeros(0, dtype=int)
         root, margin, tolerances = problem.root, rollouts.margin, _TOLERANCES
         zeros = np.zeros((1, root.v_K.shape[1]))
         if not rollouts.slack:
             self._taut = np.arange(len(problem.marionette.tree.strings))
             tension = self._forces(root, zeros)[1][0]
-            wires = [s.wire for s in problem.marionette.tree.strings]
+            is_wire = [s.wire for s in problem.marionette.tree.strings]
             self._taut = np.flatnonzero(
-                (tension > tolerances.min_tension) & ~np.array(wires, dtype=bool)
+                (tension > tolerances.min_tension) & ~np.array(is_wire, dtype=bool)
             )
-        aims = (
+        target_values = (
             margin + tolerances.spare_clearance,
             tolerances.spare_limit_distance,
             tolerances.tension_weight * tolerances.target_tension,
         )
-        aimed = self._for_each_constraint(*aims)
+        values_to_reach = self._for_each_constraint(*target_values)
         self._required = self._for_each_constraint(margin, 0.0, 0.0)
         # If the start misses the aim, only the requirement counts.
-        below_aim = self._constraint_values(root, zeros)[0] < aimed
-        self._aimed = np.where(below_aim, self._required, aimed)
+        below_aim = self._constraint_values(root, zeros)[0] < values_to_reach
+        self._targets = np.where(below_aim, self._required, values_to_reach)
 
     @property
     def segment(self) -> float:
@@ -161,8 +161,8 @@ class Shooting:
 
     def accelerations(self, V: Array) -> Array:
         """(..., m, n_vK) accelerations from velocities at the ends of segments."""
-        first = np.broadcast_to(self.problem.root.v_K, (*V.shape[:-2], 1, V.shape[-1]))
-        return np.diff(np.concatenate([first, V], axis=-2), axis=-2) / self.segment
+        start = np.broadcast_to(self.problem.root.v_K, (*V.shape[:-2], 1, V.shape[-1]))
+        return np.diff(np.concatenate([start, V], axis=-2), axis=-2) / self.segment
 
     def velocities(self, acceleration: Array) -> Array:
         """(m, n_vK) velocities at the ends of segments from accelerations."""
@@ -182,106 +182,116 @@ class Shooting:
         """Rollouts of velocities (n, m, n_vK), not stopped by bounds and obstacles."""
         n, n_checks = len(V), self.n_checks
         acc_K = np.repeat(self.accelerations(V), n_checks, axis=1)
-        segments = self._free.simulate(self.problem.root, np.zeros(n, int), acc_K, n_checks=1)
-        first = self.problem.root.parts
+        segments = self._unbounded_rollouts.simulate(
+            self.problem.root, np.zeros(n, int), acc_K, n_checks=1
+        )
+        start = self.problem.root.parts
         nodes = StateArrays(
             **{
-                name: np.concatenate([np.repeat(first[name][None], n, axis=0), a], axis=1)
-                for name, a in segments.states.items()
+                name: np.concatenate([np.repeat(start[name][None], n, axis=0), array], axis=1)
+                for name, array in segments.states.items()
             }
         )
         residual = self._residual(nodes[:, -1])
         constraints = (
-            self._constraint_values(nodes[:, 1:].flat, flattened(acc_K)) - self._aimed
+            self._constraint_values(nodes[:, 1:].flat, flattened(acc_K)) - self._targets
         ).reshape(n, acc_K.shape[1], -1)
         worst = np.max(np.maximum(-constraints, 0.0), axis=1)
         merit = np.linalg.norm(residual, axis=1) + np.sum(worst, axis=1)
         merit = np.where((segments.n_checks[:, -1] > 0) & np.isfinite(merit), merit, np.inf)
-        caught = (segments.catches > 0) * np.arange(1, acc_K.shape[1] + 1)
-        first_calm_segment = -(-np.max(caught, axis=1) // n_checks)
+        catch_check = (segments.catches > 0) * np.arange(1, acc_K.shape[1] + 1)
+        first_calm_segment = -(-np.max(catch_check, axis=1) // n_checks)
         return Candidates(
             V, nodes, residual, constraints, segments.distance[:, -1], first_calm_segment, merit
         )
 
-    def derivatives(self, candidate: Candidates, first: int = 0) -> Derivatives:
+    def derivatives(self, candidate: Candidates, first_segment: int = 0) -> Derivatives:
         """Derivatives of a single candidate, by forward differences.
 
         Args:
             candidate: the candidate.
-            first: index of the first segment that is varied.
+            first_segment: index of the first segment that is varied.
         """
         nodes, n_checks = candidate.nodes[0], self.n_checks
         m, n_K = candidate.V.shape[1:]
-        basis = self._basis(m, first)
-        n_b, n_m = basis.shape[1], len(self.moves)
-        changes = np.zeros((n_b, n_m, m, n_K))
-        for j, k in enumerate(self.moves):
-            changes[:, j, :, k] = _TOLERANCES.difference * basis.T
-        dV = changes.reshape(n_b * n_m, m, n_K)
+        basis = self._basis(m, first_segment)
+        n_b, n_m = basis.shape[1], len(self.movable)
+        velocity_changes = np.zeros((n_b, n_m, m, n_K))
+        for j, k in enumerate(self.movable):
+            velocity_changes[:, j, :, k] = _TOLERANCES.difference * basis.T
+        dV = velocity_changes.reshape(n_b * n_m, m, n_K)
         # A rollout begins at the first segment that changes.
-        begin = np.repeat(np.argmax(basis > 0.0, axis=0), n_m) * n_checks
+        first_check = np.repeat(np.argmax(basis > 0.0, axis=0), n_m) * n_checks
         dacc = np.diff(dV, axis=1, prepend=0.0) / self.segment
         acc_K = np.repeat(self.accelerations(candidate.V)[0] + dacc, n_checks, axis=1)
         last = acc_K.shape[1] - 1
-        columns = np.minimum(begin[:, None] + np.arange(last + 1), last)
-        rows = np.arange(len(begin))
+        columns = np.minimum(first_check[:, None] + np.arange(last + 1), last)
+        rows = np.arange(len(first_check))
         acc_K = acc_K[rows[:, None], columns]
-        segments = self._free.simulate(nodes, begin, acc_K, n_segments=last + 1 - begin, n_checks=1)
+        segments = self._unbounded_rollouts.simulate(
+            nodes, first_check, acc_K, n_segments=last + 1 - first_check, n_checks=1
+        )
         states = StateArrays(**segments.states)
         residual = (
-            self._residual(states[rows, last - begin]) - candidate.residual
+            self._residual(states[rows, last - first_check]) - candidate.residual
         ).T / _TOLERANCES.difference
         # Rollouts that failed are left out.
         residual[:, ~np.isfinite(residual).all(axis=0)] = 0.0
-        near = _nearest(candidate.constraints[0], n_checks)
-        checks_near = np.unique(near[:, 0])
-        rollout, check_index = np.nonzero(checks_near >= begin[:, None])
-        offset = checks_near[check_index] - begin[rollout]
-        change = np.zeros((len(begin), len(checks_near), candidate.constraints.shape[2]))
+        near_violations = _nearest(candidate.constraints[0], n_checks)
+        checks_near = np.unique(near_violations[:, 0])
+        rollout, check_index = np.nonzero(checks_near >= first_check[:, None])
+        offset = checks_near[check_index] - first_check[rollout]
+        change = np.zeros((len(first_check), len(checks_near), candidate.constraints.shape[2]))
         if len(rollout):
             values = (
                 self._constraint_values(states[rollout, offset], acc_K[rollout, offset])
-                - self._aimed
+                - self._targets
             )
             difference = values - candidate.constraints[0, checks_near[check_index]]
             change[rollout, check_index] = difference / _TOLERANCES.difference
         change[~np.isfinite(change)] = 0.0
-        constraints = change[:, np.searchsorted(checks_near, near[:, 0]), near[:, 1]].T
-        return Derivatives(basis, residual, near, constraints)
+        constraints = change[
+            :, np.searchsorted(checks_near, near_violations[:, 0]), near_violations[:, 1]
+        ].T
+        return Derivatives(basis, residual, near_violations, constraints)
 
-    def continued(self, V: Array, n_more: int) -> Array:
+    def extended(self, V: Array, n_extra: int) -> Array:
         """V (m, n_vK) with more segments, led to the goal by a law, or at rest without one."""
         m, n_K = V.shape
-        accelerations = np.zeros((1, m + n_more, n_K))
+        accelerations = np.zeros((1, m + n_extra, n_K))
         accelerations[0, :m] = self.accelerations(V)
-        if not self._free.laws:
-            return self.within(np.concatenate([V, np.zeros((n_more, n_K))]))
+        if not self._unbounded_rollouts.laws:
+            return self.within(np.concatenate([V, np.zeros((n_extra, n_K))]))
         start, n_given = np.zeros(1, int), np.array([m])
-        segments = self._free.simulate(self.problem.root, start, accelerations, n_given=n_given)
+        segments = self._unbounded_rollouts.simulate(
+            self.problem.root, start, accelerations, n_prescribed=n_given
+        )
         return self.velocities(segments.acc_K[0])
 
-    def changed(self, V: Array, basis: Array, x: Array) -> Array:
+    def with_step(self, V: Array, basis: Array, x: Array) -> Array:
         """The velocities V + basis x (m, n_vK)."""
         V_changed = V.copy()
-        V_changed[:, self.moves] += basis @ x.reshape(basis.shape[1], len(self.moves))
+        V_changed[:, self.movable] += basis @ x.reshape(basis.shape[1], len(self.movable))
         return V_changed
 
-    def _basis(self, m: int, first: int) -> Array:
+    def _basis(self, m: int, first_segment: int) -> Array:
         """(m, n_b) hat functions over the ends of segments; one for each if there are few."""
-        per_coordinate = _TOLERANCES.max_unknowns // max(1, len(self.moves))
-        n_b = min(m - first, max(_TOLERANCES.min_unknowns, per_coordinate))
-        ends, basis = np.arange(m - first), np.zeros((m, n_b))
-        knots = np.linspace(0.0, m - first - 1, n_b)
-        basis[first:] = np.stack([np.interp(ends, knots, hat) for hat in np.eye(n_b)], axis=1)
+        per_coordinate = _TOLERANCES.max_unknowns // max(1, len(self.movable))
+        n_b = min(m - first_segment, max(_TOLERANCES.min_unknowns, per_coordinate))
+        ends, basis = np.arange(m - first_segment), np.zeros((m, n_b))
+        knots = np.linspace(0.0, m - first_segment - 1, n_b)
+        basis[first_segment:] = np.stack(
+            [np.interp(ends, knots, hat) for hat in np.eye(n_b)], axis=1
+        )
         return basis
 
-    def violated(self, candidate: Candidates) -> tuple[str, ...]:
+    def violated_constraints(self, candidate: Candidates) -> tuple[str, ...]:
         """The kinds of constraints that a candidate violates."""
         kinds = self._for_each_constraint("clearance", "limits", "tension")
-        worst = np.min(candidate.constraints[0] + self._aimed - self._required, axis=0)
+        worst = np.min(candidate.constraints[0] + self._targets - self._required, axis=0)
         return tuple(dict.fromkeys(kinds[worst < -_TOLERANCES.max_violation].tolist()))
 
-    def stays(self, candidate: Candidates) -> bool:
+    def stays_at_goal(self, candidate: Candidates) -> bool:
         """Whether the puppet stays at a candidate's end, if its inputs must end at rest."""
         displacement = np.linalg.norm(self._displacement(candidate.nodes[:, -1]))
         return bool(displacement <= _TOLERANCES.max_displacement)
@@ -299,7 +309,7 @@ class Shooting:
     def _displacement(self, states: StateArrays) -> Array:
         """(n, n_l) weighted distance of inputs from the equilibrium, if they must end at rest."""
         problem = self.problem
-        if not (problem.equilibrium and problem.goal.numbers.driven_weight):
+        if not (problem.rests_at_goal and problem.goal.numbers.driven_weight):
             return np.zeros((len(states.q_K), 0))
         displacement = states.q_K - problem.rollouts.laws[0].q_K
         return _TOLERANCES.displacement_weight * displacement[:, self._driven]

@@ -52,8 +52,8 @@ class _Tolerances:
 _TOLERANCES = _Tolerances()
 
 
-def balanced(
-    marionette: Marionette, goal: Goal, start: State, moves: MaskRows
+def nearest_equilibrium(
+    marionette: Marionette, goal: Goal, start: State, movable: MaskRows
 ) -> tuple[ConfigD, ConfigK, float]:
     """The pose nearest to a goal and to an equilibrium on its strings.
 
@@ -67,22 +67,22 @@ def balanced(
         marionette: the puppet.
         goal: goal of the plan.
         start: initial guess.
-        moves: (n_vK,) bool, the driven velocities that may be nonzero.
+        movable: (n_vK,) bool, the driven velocities that may be nonzero.
 
     Returns:
         q_D, q_K, and the norm |w_0 - W T|, which is 0 in an equilibrium.
     """
     tree, p, table = marionette.tree, marionette.p, marionette.coordinates
-    lengths = [
+    driven_strings = [
         (i, s.driven_length[0])
         for i, s in enumerate(tree.strings)
-        if s.driven_length and moves[s.driven_length[1]]
+        if s.driven_length and movable[s.driven_length[1]]
     ]
-    driven_lengths = {k for _, k in lengths}
-    end_indices = [q for q, v in table.scalars_K if moves[v] and q not in driven_lengths]
-    pinned = goal.whole
-    n_D = 0 if pinned is not None else table.n_vD
-    origin = start.q_D if pinned is None else pinned
+    driven_lengths = {k for _, k in driven_strings}
+    end_indices = [q for q, v in table.scalars_K if movable[v] and q not in driven_lengths]
+    fixed_q_D = goal.single_configuration
+    n_D = 0 if fixed_q_D is not None else table.n_vD
+    origin = start.q_D if fixed_q_D is None else fixed_q_D
     initial_x = np.concatenate([np.zeros(n_D), start.q_K[end_indices]])
 
     def configurations(x: Array) -> tuple[Array, Array]:
@@ -96,23 +96,26 @@ def balanced(
         """(n, m) w_0 - W T, goal residuals, violations of limits, weighted displacements."""
         q_D, q_K = configurations(x)
         residual_force, _, limits = best_support(marionette, q_D, q_K)
-        residual_force = residual_force[:, in_puppets]
-        soft_K, soft_D = _TOLERANCES.driven_weight * soft, _TOLERANCES.dynamic_weight * soft
+        residual_force = residual_force[:, is_puppet_velocity]
+        soft_K = _TOLERANCES.driven_weight * regularisation
+        soft_D = _TOLERANCES.dynamic_weight * regularisation
         parts = [residual_force, soft_K * (x - initial_x)[:, n_D:]]
-        if pinned is None:
-            q_K = reached(q_D, q_K)
+        if fixed_q_D is None:
+            q_K = with_taut_lengths(q_D, q_K)
             displacement = q_K - start.q_K
-            parts.append(np.maximum(limits + soft * _TOLERANCES.limit_margin, 0.0))
+            parts.append(np.maximum(limits + regularisation * _TOLERANCES.limit_margin, 0.0))
             parts += [soft_K * displacement[:, list(driven_lengths)], soft_D * x[:, :n_D]]
             zero_v_D, zero_v_K = np.zeros((len(x), table.n_vD)), np.zeros((len(x), table.n_vK))
             slip = np.zeros((len(x), len(tree.strings)))
-            goal_residuals = aims(StateArrays(q_D, zero_v_D, slip, q_K, zero_v_K))
+            goal_residuals = target_residuals(StateArrays(q_D, zero_v_D, slip, q_K, zero_v_K))
             parts.append(
-                goal_residuals if initial is None else goal_residuals - remaining * initial
+                goal_residuals
+                if initial_residuals is None
+                else goal_residuals - remaining_share * initial_residuals
             )
         return np.concatenate(parts, axis=1)
 
-    def aims(states: StateArrays) -> Array:
+    def target_residuals(states: StateArrays) -> Array:
         """(n, m) residuals of the goal, and of the overlap at required touches."""
         goal_residuals = goal.residuals(states)
         if not goal.touches:
@@ -121,46 +124,46 @@ def balanced(
             [goal_residuals, goal.gaps(states) + _TOLERANCES.target_overlap], axis=1
         )
 
-    def reached(q_D: Array, q_K: Array) -> Array:
+    def with_taut_lengths(q_D: Array, q_K: Array) -> Array:
         """q_K with the lengths at which the strings are just taut."""
-        if lengths:
-            q_K[:, [k for _, k in lengths]] = 0.0
+        if driven_strings:
+            q_K[:, [k for _, k in driven_strings]] = 0.0
             h = marionette.library.evaluate("rows", q_D=q_D, q_K=q_K, p=p).h
-            for i, k in lengths:
+            for i, k in driven_strings:
                 q_K[:, k] = h[:, i]
         return q_K
 
-    in_puppets = puppet_velocities(marionette)
-    soft, x, remaining = 1.0, initial_x, 0.0
-    initial: Array | None = None
+    is_puppet_velocity = puppet_velocity_mask(marionette)
+    regularisation, x, remaining_share = 1.0, initial_x, 0.0
+    initial_residuals: Array | None = None
     if len(initial_x) and tree.strings:
-        if pinned is None:
-            initial = aims(StateArrays.of(start))[0]
+        if fixed_q_D is None:
+            initial_residuals = target_residuals(StateArrays.of(start))[0]
             for stage in range(1, _TOLERANCES.n_stages):
-                remaining = 1.0 - stage / _TOLERANCES.n_stages
+                remaining_share = 1.0 - stage / _TOLERANCES.n_stages
                 x = _least_squares(residuals, x)
-            remaining = 0.0
+            remaining_share = 0.0
             x = _least_squares(residuals, x)
         # The last search has no weights on displacements and limits.
-        soft = 0.0
+        regularisation = 0.0
         x = _least_squares(residuals, x)
     q_D, q_K = configurations(x[None])
     residual_force, tension, _ = best_support(marionette, q_D, q_K)
-    q_K = reached(q_D, q_K)[0]
+    q_K = with_taut_lengths(q_D, q_K)[0]
     h = marionette.library.evaluate("rows", q_D=start.q_D, q_K=start.q_K, p=p).h
-    for i, k in lengths:
+    for i, k in driven_strings:
         if not tension[0, i] > _TOLERANCES.min_tension * marionette.weight:
             q_K[k] += max(_TOLERANCES.min_slack, -h[i])
-    return q_D[0], q_K, float(np.linalg.norm(residual_force[:, in_puppets]))
+    return q_D[0], q_K, float(np.linalg.norm(residual_force[:, is_puppet_velocity]))
 
 
-def puppet_velocities(marionette: Marionette) -> MaskRows:
+def puppet_velocity_mask(marionette: Marionette) -> MaskRows:
     """(n_vD,) bool, the dynamic velocities of puppets; those of props hang from no string."""
-    in_puppets = np.ones(marionette.coordinates.n_vD, dtype=bool)
+    is_puppet_velocity = np.ones(marionette.coordinates.n_vD, dtype=bool)
     for link in marionette.tree.links:
         if link.name in marionette.puppet.props:
-            in_puppets[link.v] = False
-    return in_puppets
+            is_puppet_velocity[link.v] = False
+    return is_puppet_velocity
 
 
 def best_support(marionette: Marionette, q_D: Array, q_K: Array) -> tuple[Array, Array, Array]:
@@ -217,11 +220,11 @@ def _least_squares(residuals: Callable[[Array], Array], x: Array) -> Array:
         values = residuals(np.concatenate([x[None], x + steps]))
         squares = float(values[0] @ values[0])
         if squares < min_squares:
-            decreased = squares < (1.0 - _TOLERANCES.min_decrease) * min_squares
+            has_decreased = squares < (1.0 - _TOLERANCES.min_decrease) * min_squares
             min_squares, best_x, damping = squares, x, 0.3 * damping
             U, S, Vt = np.linalg.svd((values[1:] - values[0]).T / step, full_matrices=False)
             projected = U.T @ values[0]
-            if not decreased:
+            if not has_decreased:
                 break
         elif best_x is x:  # the sum is not finite at the initial guess
             break

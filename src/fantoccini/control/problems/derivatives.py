@@ -49,8 +49,8 @@ def segment_derivatives(
     options: RunOptions,
     n_checks: int,
     threads: int = 1,
-    onto: Array | None = None,
-    apart: float = _STEPS.central,
+    projection: Array | None = None,
+    difference: float = _STEPS.central,
 ) -> tuple[Array, Array]:
     """Derivatives of m segments, by the time-stepper.
 
@@ -61,8 +61,8 @@ def segment_derivatives(
         options: options of the time-stepper; a check comes every ``save_every`` steps.
         n_checks: number of checks in a segment.
         threads: number of threads.
-        onto: (m, n_z, n_z) projections of changes of the starts; see :func:`taut_projection`.
-        apart: size of the changes [rad, m and their rates].
+        projection: (m, n_z, n_z) projections of changes of the starts; see :func:`taut_projection`.
+        difference: size of the changes [rad, m and their rates].
 
     Returns:
         A (m, n_z, n_z) and B (m, n_z, n_vK).
@@ -71,11 +71,13 @@ def segment_derivatives(
         marionette.libraries.rollouts, _unbounded(marionette, options, n_checks), threads
     )
 
-    def ends(changed: StateArrays, acc_K: Array) -> StateArrays:
+    def end_states(perturbed: StateArrays, acc_K: Array) -> StateArrays:
         index = np.arange(len(acc_K))
-        return StateArrays(**pool(changed.parts, index, acc_K[:, None], np.ones_like(index)).states)
+        return StateArrays(
+            **pool(perturbed.parts, index, acc_K[:, None], np.ones_like(index)).states
+        )
 
-    return central_differences(marionette, ends, starts, acceleration, onto, apart)
+    return central_differences(marionette, end_states, starts, acceleration, projection, difference)
 
 
 StateMap = Callable[[StateArrays, Array], StateArrays]
@@ -84,18 +86,18 @@ StateMap = Callable[[StateArrays, Array], StateArrays]
 
 def central_differences(
     marionette: Marionette,
-    end: StateMap,
+    state_map: StateMap,
     starts: StateArrays,
     acceleration: Array,
-    onto: Array | None = None,
-    apart: float = _STEPS.central,
+    projection: Array | None = None,
+    difference: float = _STEPS.central,
 ) -> tuple[Array, Array]:
     """Derivatives of a map of states, A (m, n_z, n_z) and B (m, n_z, n_vK).
 
     Args:
         marionette: the puppet.
-        end: the map; called once, with all changed states, in the order of the starts.
-        starts, acceleration, onto, apart: see :func:`segment_derivatives`.
+        state_map: the map; called once, with all changed states, in the order of the starts.
+        starts, acceleration, projection, difference: see :func:`segment_derivatives`.
     """
     table, m = marionette.coordinates, len(acceleration)
     n, k = table.n_vD, table.n_vK
@@ -103,18 +105,18 @@ def central_differences(
     indices_K = table.scalars_K, table.quaternions_K
     size = 2 * n + 3 * k
     changes = np.tile(np.eye(size), (m, 1, 1))
-    if onto is not None:
-        changes[:, : size - k, : size - k] = onto.swapaxes(1, 2)
-    z = apart * np.concatenate([changes, -changes], axis=1)
+    if projection is not None:
+        changes[:, : size - k, : size - k] = projection.swapaxes(1, 2)
+    z = difference * np.concatenate([changes, -changes], axis=1)
     q_D, v_D, q_K, v_K, acc_K = np.split(z, np.cumsum([n, n, k, k]), axis=2)
-    changed = StateArrays(
+    perturbed = StateArrays(
         tangent.moved(*indices_D, starts.q_D[:, None], q_D),
         starts.v_D[:, None] + v_D,
         np.repeat(starts.slip[:, None], 2 * size, axis=1),
         tangent.moved(*indices_K, starts.q_K[:, None], q_K),
         starts.v_K[:, None] + v_K,
     )
-    end_states = end(changed.flat, flattened(acceleration[:, None] + acc_K))
+    end_states = state_map(perturbed.flat, flattened(acceleration[:, None] + acc_K))
     ends = {name: a.reshape(m, 2, size, -1) for name, a in end_states.parts.items()}
     differences = (
         tangent.between(*indices_D, ends["q_D"][:, 1], ends["q_D"][:, 0], n),
@@ -122,7 +124,7 @@ def central_differences(
         tangent.between(*indices_K, ends["q_K"][:, 1], ends["q_K"][:, 0], k),
         ends["v_K"][:, 0] - ends["v_K"][:, 1],
     )
-    derivatives = np.concatenate(differences, axis=2).swapaxes(1, 2) / (2.0 * apart)
+    derivatives = np.concatenate(differences, axis=2).swapaxes(1, 2) / (2.0 * difference)
     return derivatives[:, :, : size - k], derivatives[:, :, size - k :]
 
 
@@ -153,7 +155,7 @@ def _unbounded(marionette: Marionette, options: RunOptions, n_checks: int) -> Ro
     )
 
 
-def taut_projection(marionette: Marionette, at: StateArrays, held: MaskRows) -> Array:
+def taut_projection(marionette: Marionette, states: StateArrays, taut: MaskRows) -> Array:
     """(m, n_z, n_z) projections onto changes that keep taut strings taut::
 
         dh = A_D dq_D + A_K dq_K = 0
@@ -163,22 +165,22 @@ def taut_projection(marionette: Marionette, at: StateArrays, held: MaskRows) -> 
 
     Args:
         marionette: the puppet.
-        at: (m,) states.
-        held: (m, n_strings) bool, the taut strings.
+        states: (m,) states.
+        taut: (m, n_strings) bool, the taut strings.
     """
     table = marionette.coordinates
     n, k = table.n_vD, table.n_vK
-    m, n_directions = len(held), n + k
+    m, n_directions = len(taut), n + k
     steps = _STEPS.forward * np.concatenate([np.zeros((1, n_directions)), np.eye(n_directions)])
     indices_D = table.scalars_D, table.quaternions_D
     indices_K = table.scalars_K, table.quaternions_K
-    q_D = tangent.moved(*indices_D, at.q_D[:, None], steps[:, :n]).reshape(
+    q_D = tangent.moved(*indices_D, states.q_D[:, None], steps[:, :n]).reshape(
         m * (n_directions + 1), -1
     )
-    q_K = tangent.moved(*indices_K, at.q_K[:, None], steps[:, n:]).reshape(
+    q_K = tangent.moved(*indices_K, states.q_K[:, None], steps[:, n:]).reshape(
         m * (n_directions + 1), -1
     )
-    v_D, v_K = (np.repeat(v, n_directions + 1, axis=0) for v in (at.v_D, at.v_K))
+    v_D, v_K = (np.repeat(v, n_directions + 1, axis=0) for v in (states.v_D, states.v_K))
     h = marionette.library.evaluate("rows", q_D=q_D, q_K=q_K, p=marionette.p).h
     hdot = marionette.library.evaluate(
         "dynamics",
@@ -190,9 +192,9 @@ def taut_projection(marionette: Marionette, at: StateArrays, held: MaskRows) -> 
         u_D=np.zeros_like(v_D),
         p=marionette.p,
     ).hdot
-    strings = held.shape[1]
+    strings = taut.shape[1]
     h_q, hdot_q = (
-        _forward_differences(a[:, :strings].reshape(m, n_directions + 1, strings), held)
+        _forward_differences(a[:, :strings].reshape(m, n_directions + 1, strings), taut)
         for a in (h, hdot)
     )
     pseudoinverse = np.linalg.pinv(h_q[..., :n], rcond=_STEPS.rank)
@@ -208,6 +210,6 @@ def taut_projection(marionette: Marionette, at: StateArrays, held: MaskRows) -> 
     return projection
 
 
-def _forward_differences(values: Array, held: MaskRows) -> Array:
+def _forward_differences(values: Array, taut: MaskRows) -> Array:
     """(m, n_strings, n) derivatives from (m, 1 + n, n_strings) values; 0 for strings not held."""
-    return (values[:, 1:] - values[:, :1]).swapaxes(1, 2) / _STEPS.forward * held[..., None]
+    return (values[:, 1:] - values[:, :1]).swapaxes(1, 2) / _STEPS.forward * taut[..., None]

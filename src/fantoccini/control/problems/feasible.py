@@ -61,22 +61,24 @@ def too_far_to_touch(goal: Goal) -> str:
     obstacles = {o.name: o for o in puppet.obstacles}
     bodies = {link.name: i for i, link in enumerate(marionette.tree.links)}
     for pair in goal.touches:
-        for body, other in (pair, pair[::-1]):
-            if body not in bodies or not (other in obstacles or other == FLOOR):
+        for body, counterpart in (pair, pair[::-1]):
+            if body not in bodies or not (counterpart in obstacles or counterpart == FLOOR):
                 continue
             chain = _chain(marionette, bodies[body], 0.0)
             if chain is None:
                 continue
-            reach = chain.reach + max(map(_size, marionette.tree.links[bodies[body]].shapes))
-            if other == FLOOR:
+            reach = chain.reach + max(
+                map(_bounding_radius, marionette.tree.links[bodies[body]].shapes)
+            )
+            if counterpart == FLOOR:
                 distance = float(chain.root[2]) - (puppet.floor or 0.0)
             else:
-                centre, size = _bounding_sphere(obstacles[other])
-                distance = float(np.linalg.norm(chain.root - centre)) - size
+                centre, radius = _bounding_sphere(obstacles[counterpart])
+                distance = float(np.linalg.norm(chain.root - centre)) - radius
             if distance > reach:
                 return (
-                    f"{other} is at least {distance:.3g} m from {chain.joint}, and {body} reaches "
-                    f"at most {reach:.3g} m"
+                    f"{counterpart} is at least {distance:.3g} m from {chain.joint}, and {body} "
+                    f"reaches at most {reach:.3g} m"
                 )
     return ""
 
@@ -100,22 +102,22 @@ def _chain(marionette: Marionette, link: int, reach: float) -> _Chain | None:
     """
     links = marionette.tree.links
     while True:
-        entry = links[link]
-        if entry.kind in _TRANSLATING:
+        body = links[link]
+        if body.kind in _TRANSLATING:
             return None
-        offset = np.array([marionette.number(x) for x in entry.offset])
-        if entry.parent == WORLD:
-            return _Chain(entry.joint, offset, reach)
+        offset = np.array([marionette.number(x) for x in body.offset])
+        if body.parent == WORLD:
+            return _Chain(body.joint, offset, reach)
         reach += float(np.linalg.norm(offset))
-        link = entry.parent
+        link = body.parent
 
 
 def _bounding_sphere(shape: Shape) -> tuple[Array, float]:
     """Centre and radius of a ball around a shape; infinite radius for a mesh [m]."""
     match shape:
         case Capsule():
-            a, b = np.array(shape.from_), np.array(shape.to)
-            return 0.5 * (a + b), 0.5 * float(np.linalg.norm(b - a)) + shape.radius
+            start, end = np.array(shape.from_), np.array(shape.to)
+            return 0.5 * (start + end), 0.5 * float(np.linalg.norm(end - start)) + shape.radius
         case Sphere():
             return np.array(shape.at), shape.radius
         case Ellipsoid():
@@ -126,7 +128,7 @@ def _bounding_sphere(shape: Shape) -> tuple[Array, float]:
             return np.zeros(3), np.inf
 
 
-def _size(shape: Shape) -> float:
+def _bounding_radius(shape: Shape) -> float:
     """Largest distance of a shape from its body's origin [m]."""
     centre, radius = _bounding_sphere(shape)
     return float(np.linalg.norm(centre)) + radius

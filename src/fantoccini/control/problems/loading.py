@@ -32,14 +32,16 @@ def load_problem(
         FileError: all mistakes with their locations.
     """
     task, check = read_task(path, progress, ProblemFile, TaskFile)
-    return check.need((), lambda: Problem.of(_with_options(task, threads, options)))
+    return check.need((), lambda: Problem.from_task(_with_options(task, threads, options)))
 
 
 def _with_options(task: Task, threads: int | None, options: dict[str, Any]) -> Task:
     """The task with other options."""
     conditions = {key: value for key, value in options.items() if key in _CONDITIONS}
-    others = {key: value for key, value in options.items() if key not in _CONDITIONS}
-    changed = replace(task.conditions, **conditions)
+    task_fields = {key: value for key, value in options.items() if key not in _CONDITIONS}
+    new_conditions = replace(task.conditions, **conditions)
     if threads is not None:
-        changed = replace(changed, rollouts=replace(changed.rollouts, threads=threads))
-    return replace(task, conditions=changed, **others)
+        new_conditions = replace(
+            new_conditions, rollouts=replace(new_conditions.rollouts, threads=threads)
+        )
+    return replace(task, conditions=new_conditions, **task_fields)

@@ -34,7 +34,7 @@ def lqr_laws(
     marionette: Marionette,
     q_D: ConfigD,
     q_K: ConfigK,
-    moves: MaskRows,
+    movable: MaskRows,
     run_options: RunOptions,
     options: RolloutOptions,
 ) -> list[LqrLaw]:
@@ -48,7 +48,7 @@ def lqr_laws(
     Args:
         marionette: the puppet.
         q_D, q_K: the equilibrium.
-        moves: (n_vK,) bool, the driven velocities that may be nonzero.
+        movable: (n_vK,) bool, the driven velocities that may be nonzero.
         run_options: options of the time-stepper.
         options: options of the rollouts.
     """
@@ -66,21 +66,21 @@ def lqr_laws(
             run_options,
             options.n_checks,
             options.threads,
-            onto=projection,
+            projection=projection,
         )
     )
     weight = np.full(2 * (n + k), SPEED_WEIGHT**2)
     weight[:n] = 1.0
-    accelerations = np.array(_WEIGHTS.accelerations)[:, None, None] * np.eye(moves.sum())
+    accelerations = np.array(_WEIGHTS.accelerations)[:, None, None] * np.eye(movable.sum())
     gains = np.zeros((len(accelerations), k, 2 * (n + k)))
-    gains[:, moves] = riccati.stationary_gain(
-        A, B[:, moves], np.diag(weight), accelerations, _WEIGHTS.doublings
+    gains[:, movable] = riccati.stationary_gain(
+        A, B[:, movable], np.diag(weight), accelerations, _WEIGHTS.doublings
     )
     return [LqrLaw(q_D, q_K, K) for K in gains]
 
 
 def servo(
-    marionette: Marionette, q_D: ConfigD, q_K: ConfigK, moves: MaskRows, segment: float
+    marionette: Marionette, q_D: ConfigD, q_K: ConfigK, movable: MaskRows, segment: float
 ) -> LqrLaw:
     """The regulator of the driven coordinates alone, independent of the puppet's motion.
 
@@ -88,7 +88,7 @@ def servo(
         marionette: the puppet.
         q_D: (n_qD,) target configuration of the puppet.
         q_K: (n_qK,) target of the driven coordinates.
-        moves: (n_vK,) bool, the driven velocities that may be nonzero.
+        movable: (n_vK,) bool, the driven velocities that may be nonzero.
         segment: duration of one step [s].
     """
     n, k = marionette.coordinates.n_vD, marionette.coordinates.n_vK
@@ -97,6 +97,6 @@ def servo(
     R = _WEIGHTS.accelerations[0] * SPEED_WEIGHT**2 * np.eye(1)
     gain = riccati.stationary_gain(A, B, Q, R, _WEIGHTS.doublings)[0]
     gains = np.zeros((k, 2 * (n + k)))
-    for v in np.flatnonzero(moves):
+    for v in np.flatnonzero(movable):
         gains[v, [2 * n + v, 2 * n + k + v]] = gain
     return LqrLaw(q_D, q_K, gains)

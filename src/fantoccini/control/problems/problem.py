@@ -13,7 +13,7 @@ import numpy as np
 from fantoccini.base import ConfigK, StateError, check_not_negative
 from fantoccini.control.problems.feasible import out_of_reach, too_far_to_touch
 from fantoccini.control.problems.guidance import guidance
-from fantoccini.control.problems.pushing import push_of
+from fantoccini.control.problems.pushing import find_push
 from fantoccini.control.problems.rollouts import Rollouts
 from fantoccini.control.tasks import (
     KEEP_OFF,
@@ -27,7 +27,7 @@ from fantoccini.control.tasks import (
     RolloutOptions,
     StateArrays,
     Task,
-    Touches,
+    TouchRules,
 )
 from fantoccini.dynamics.clearance import Clearance, HalfSpace
 from fantoccini.dynamics.compiled import check_start
@@ -53,7 +53,7 @@ class Problem:
         rollouts: batch simulations from many states, within the bounds without that part.
         distance: distance of the start from the goal.
         reason: reason why no plan can begin at the start; may be empty.
-        equilibrium: whether the puppet can rest at the goal, clear of obstacles; otherwise plans
+        rests_at_goal: whether the puppet can rest at the goal, clear of obstacles; otherwise plans
             pass through it.
         out_of_reach: reason why no plan can end at the goal; may be empty.
         push: push of a prop, if the goal is a place for it; otherwise None.
@@ -110,7 +110,7 @@ class Problem:
         self._prepare(task)
 
     @classmethod
-    def of(cls, task: Task, *, rollouts: RolloutOptions | None = None) -> Problem:
+    def from_task(cls, task: Task, *, rollouts: RolloutOptions | None = None) -> Problem:
         """The problem of a task. A state at its end counts with its dynamic part and velocities.
 
         Args:
@@ -145,16 +145,16 @@ class Problem:
         self.task, self.marionette, self.start, self.tolerance = task, marionette, start, tolerance
         self.name, self.max_duration = task.name, task.max_duration
         goal = Goal.of(marionette, task.end)
-        self.touches = Touches(marionette, conditions.contact, goal.touches, bounds.own_body)
+        self.touches = TouchRules(marionette, conditions.contact, goal.touches, bounds.own_body)
         self.goal = goal.for_problem(self.touches, tolerance)
         clearance = Clearance(
             marionette,
             obstacles,
             strings=options.strings,
             self_collision=bounds.own_body,
-            free=self.touches.free,
+            free=self.touches.allowed_pairs,
         )
-        self.bounds = DrivenBounds.of(marionette, bounds)
+        self.bounds = DrivenBounds.from_bounds(marionette, bounds)
         self.rollouts = Rollouts(
             marionette,
             clearance,
@@ -164,26 +164,26 @@ class Problem:
             tolerance=tolerance,
             margin=margin,
             slack=conditions.slack,
-            kept_off=~self.touches.may_touch,
+            forbidden_pairs=~self.touches.may_touch,
         )
         self.reason = _start_violation(start, self.rollouts, self.touches)
-        self.distance = self.goal.of_start(self.root)
-        self.push = push_of(self.goal, start, self.touches)
+        self.distance = self.goal.start_distance(self.root)
+        self.push = find_push(self.goal, start, self.touches)
         must_stay = self.push is not None or bool(self.goal.touches)
         default_hold = _DEFAULT_HOLD if must_stay else 0.0
         self.hold = default_hold if conditions.hold is None else float(conditions.hold)
-        self.out_of_reach = out_of_reach(self.goal, tolerance) or self._out_of_touch
-        self.equilibrium, self.note = False, ""
+        self.out_of_reach = out_of_reach(self.goal, tolerance) or self._unreachable_touch
+        self.rests_at_goal, self.note = False, ""
         if not self.infeasible:
-            guides = guidance(self.goal, start, self.rollouts, self.touches, self.push)
-            self.rollouts.laws, self.note = guides.laws, guides.note
-            self.equilibrium = guides.equilibrium
+            guidance_at_goal = guidance(self.goal, start, self.rollouts, self.touches, self.push)
+            self.rollouts.laws, self.note = guidance_at_goal.laws, guidance_at_goal.note
+            self.rests_at_goal = guidance_at_goal.rests_at_goal
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return Problem.of, (self.task,)
+        return Problem.from_task, (self.task,)
 
     @property
-    def _out_of_touch(self) -> str:
+    def _unreachable_touch(self) -> str:
         """The reason why the goal's prop or touch is out of reach."""
         if self.push is not None and self.distance > self.tolerance and self.push.reason:
             return self.push.reason
@@ -192,7 +192,7 @@ class Problem:
     @property
     def rest_K(self) -> ConfigK | None:
         """(n_qK,) driven coordinates with which the puppet rests on its required touches."""
-        if not (self.equilibrium and self.goal.touches):
+        if not (self.rests_at_goal and self.goal.touches):
             return None
         return self.rollouts.laws[0].q_K
 
@@ -271,11 +271,12 @@ class Problem:
         return StateArrays.of(self.start)
 
 
-def _start_violation(start: State, rollouts: Rollouts, touches: Touches) -> str:
+def _start_violation(start: State, rollouts: Rollouts, touches: TouchRules) -> str:
     """Reason why no plan can begin at a state; may be empty."""
     if pair := touches.forbidden_touch(start.q_D, start.q_K):
-        a, b = pair
-        return f"at the start {a} touches {b}; they may with contact: {{touch: [[{a}, {b}]]}}"
+        first, second = pair
+        contact = f"contact: {{touch: [[{first}, {second}]]}}"
+        return f"at the start {first} touches {second}; they may with {contact}"
     nearest = rollouts.clearance.nearest(start)
     if nearest is not None and nearest.distance < rollouts.margin:
         return f"at the start {nearest}; the margin is {rollouts.margin:g} m"

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fantoccini.base import Array
-from fantoccini.control.tasks import Goal, StateArrays, Touches
+from fantoccini.control.tasks import Goal, StateArrays, TouchRules
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.kernel.runtime import POINT, POSE
 from fantoccini.model.puppet import Box, Capsule, Ellipsoid, Shape, Sphere
@@ -36,8 +36,8 @@ class Push:
     Attributes:
         prop: name of the prop.
         pusher: name of the body that pushes; empty if none may touch the prop.
-        first: (3,) position of the prop at the start [m].
-        place: (3,) position of the prop at the goal [m].
+        start_position: (3,) position of the prop at the start [m].
+        goal_position: (3,) position of the prop at the goal [m].
         waypoints: goals for a point of the pusher: in contact with the prop at its place, and
             behind the prop at the start.
         link: index of the prop's link.
@@ -45,8 +45,8 @@ class Push:
 
     prop: str
     pusher: str
-    first: Array
-    place: Array
+    start_position: Array
+    goal_position: Array
     waypoints: tuple[Goal, ...]
     link: int
 
@@ -63,16 +63,16 @@ class Push:
     def progress(self, marionette: Marionette, end: StateArrays) -> str:
         """Description of the prop's progress towards its place, at the end of a plan."""
         position = marionette.poses(end.q_D, end.q_K)[self.link, :, 3]
-        displacement = self.place - self.first
+        displacement = self.goal_position - self.start_position
         length = float(np.linalg.norm(displacement))
-        advance = float((position - self.first) @ displacement) / max(
+        advance = float((position - self.start_position) @ displacement) / max(
             length, _DISTANCES.max_rest_displacement
         )
-        dist = float(np.linalg.norm(position - self.place))
+        dist = float(np.linalg.norm(position - self.goal_position))
         return f"{self.prop} came {advance:.3g} m of {length:.3g} m, to {dist:.3g} m from its place"
 
 
-def push_of(goal: Goal, start: State, touches: Touches) -> Push | None:
+def find_push(goal: Goal, start: State, touches: TouchRules) -> Push | None:
     """The push for a goal; None unless the goal is a place of a prop.
 
     Args:
@@ -85,27 +85,28 @@ def push_of(goal: Goal, start: State, touches: Touches) -> Push | None:
     if link is None:
         return None
     prop = marionette.tree.links[link].name
-    first = marionette.poses(start.q_D, start.q_K)[link, :, 3]
-    place = _place(goal, start, link, first)
+    start_position = marionette.poses(start.q_D, start.q_K)[link, :, 3]
+    place = _goal_position(goal, start, link, start_position)
     nearest_ends = [
-        _nearest_round_end(marionette, body, start, first) for body in touches.partners(prop)
+        _nearest_round_end(marionette, body, start, start_position)
+        for body in touches.partners(prop)
     ]
     ends = [end for end in nearest_ends if end is not None]
-    displacement = place - first
+    displacement = place - start_position
     distance = float(np.linalg.norm(displacement))
     if not ends or distance < _DISTANCES.max_rest_displacement:
-        return Push(prop, ends[0][1] if ends else "", first, place, (), link)
+        return Push(prop, ends[0][1] if ends else "", start_position, place, (), link)
     _, pusher, point, radius = min(ends, key=lambda end: end[0])
     direction = displacement / distance
-    reach = _extent(marionette, link, start, direction) + radius
+    contact_distance = _extent(marionette, link, start, direction) + radius
     targets = (
-        place - (reach - _DISTANCES.overtravel) * direction,
-        first - (reach + _DISTANCES.start_gap) * direction,
+        place - (contact_distance - _DISTANCES.overtravel) * direction,
+        start_position - (contact_distance + _DISTANCES.start_gap) * direction,
     )
     waypoints = tuple(
         Goal.point(marionette, pusher, target.tolist(), at=point) for target in targets
     )
-    return Push(prop, pusher, first, place, waypoints, link)
+    return Push(prop, pusher, start_position, place, waypoints, link)
 
 
 def _prop(goal: Goal) -> int | None:
@@ -120,17 +121,20 @@ def _prop(goal: Goal) -> int | None:
     return props_in_goal.pop() if len(props_in_goal) == 1 and weighted == props_in_goal else None
 
 
-def _place(goal: Goal, start: State, link: int, first: Array) -> Array:
+def _goal_position(goal: Goal, start: State, link: int, start_position: Array) -> Array:
     """(3,) the position of the prop at the goal."""
     numbers = goal.numbers
     if numbers.kind == POINT:
         R = goal.marionette.poses(start.q_D, start.q_K)[link, :, :3]
-        return np.clip(first + R @ numbers.at, numbers.place, numbers.place_high) - R @ numbers.at
+        return (
+            np.clip(start_position + R @ numbers.at, numbers.place, numbers.place_high)
+            - R @ numbers.at
+        )
     tree_link = goal.marionette.tree.links[link]
     place = np.array(start.q_D[tree_link.q][:3])
     has_target = numbers.weight[tree_link.v][:3] > 0.0
     low, high = numbers.low[tree_link.q][:3], numbers.high[tree_link.q][:3]
-    return np.where(has_target, np.clip(place, low, high), place) + (first - place)
+    return np.where(has_target, np.clip(place, low, high), place) + (start_position - place)
 
 
 def _nearest_round_end(
@@ -157,25 +161,28 @@ def _nearest_round_end(
     return min(distances, default=None)
 
 
-def _extent(marionette: Marionette, link: int, x: State, u: Array) -> float:
+def _extent(marionette: Marionette, link: int, x: State, direction: Array) -> float:
     """Largest distance of a link's shapes from its origin against a direction (3,) [m]."""
     R = marionette.poses(x.q_D, x.q_K)[link, :, :3]
     shapes = marionette.tree.links[link].shapes
-    return max((_reach(shape, -(R.T @ u)) for shape in shapes), default=0.0)
+    return max((_support(shape, -(R.T @ direction)) for shape in shapes), default=0.0)
 
 
-def _reach(shape: Shape, u: Array) -> float:
+def _support(shape: Shape, direction: Array) -> float:
     """The support function of a shape in its body's frame, max of p . u [m]."""
     match shape:
         case Capsule():
-            return float(max(np.dot(shape.from_, u), np.dot(shape.to, u))) + shape.radius
+            return (
+                float(max(np.dot(shape.from_, direction), np.dot(shape.to, direction)))
+                + shape.radius
+            )
         case Sphere():
-            return float(np.dot(shape.at, u)) + shape.radius
+            return float(np.dot(shape.at, direction)) + shape.radius
         case Box():
             size = np.asarray(shape.size)
             axes = np.eye(3) if shape.orientation is None else shape.orientation.matrix
-            return float(np.dot(shape.at, u) + 0.5 * np.abs(axes.T @ u) @ size)
+            return float(np.dot(shape.at, direction) + 0.5 * np.abs(axes.T @ direction) @ size)
         case Ellipsoid():
-            return float(np.dot(shape.at, u)) + max(shape.radii)
+            return float(np.dot(shape.at, direction)) + max(shape.radii)
         case _:
             return 0.0

@@ -25,7 +25,7 @@ class Rollouts:
     A rollout consists of segments in which every driven coordinate has a constant acceleration.
 
     Attributes:
-        marionette, clearance, bounds, goal, options, margin, slack, kept_off: see below.
+        marionette, clearance, bounds, goal, options, margin, slack, forbidden_pairs: see below.
         stop_distance: distance from the goal at which rollouts stop.
         laws: feedback laws for rollouts; may be empty.
         run_options: options of the time-stepper.
@@ -39,7 +39,7 @@ class Rollouts:
         tolerance: tolerance of the goal's distance; negative to continue past the goal.
         margin: least clearance [m].
         slack: whether taut strings may go slack.
-        kept_off: (n_pairs,) bool, the contact pairs that must not touch; none by default.
+        forbidden_pairs: (n_pairs,) bool, the contact pairs that must not touch; none by default.
     """
 
     def __init__(
@@ -53,10 +53,10 @@ class Rollouts:
         tolerance: float,
         margin: float,
         slack: bool,
-        kept_off: MaskRows | None = None,
+        forbidden_pairs: MaskRows | None = None,
     ):
         self.marionette, self.clearance, self.bounds = marionette, clearance, bounds
-        self.goal, self.options, self.kept_off = goal, options, kept_off
+        self.goal, self.options, self.forbidden_pairs = goal, options, forbidden_pairs
         self.margin, self.slack = margin, slack
         self.stop_distance = _STOP_SHARE * tolerance
         self.laws: list[LqrLaw] = []
@@ -75,19 +75,19 @@ class Rollouts:
             clearance.solids,
             goal.numbers,
             self.stop_distance,
-            kept_off,
+            forbidden_pairs,
         )
         self._pool = RolloutPool(marionette.libraries.rollouts, settings, options.threads)
 
-    def with_tolerance(self, *, tolerance: float, free: bool = False) -> Rollouts:
+    def with_tolerance(self, *, tolerance: float, unbounded: bool = False) -> Rollouts:
         """The same rollouts with another tolerance.
 
         Args:
             tolerance: tolerance of the goal's distance.
-            free: whether all other bounds are dropped, except speeds up to 1 % above theirs.
+            unbounded: whether all other bounds are dropped, except speeds up to 1 % above theirs.
         """
         bounds = self.bounds
-        if free:
+        if unbounded:
             unlimited = np.full(len(bounds.low), np.inf)
             speed = _UNBOUNDED_SPEED * bounds.speed
             bounds = replace(bounds, speed=speed, low=-unlimited, high=unlimited)
@@ -98,9 +98,9 @@ class Rollouts:
             self.goal,
             self.options,
             tolerance=tolerance,
-            margin=-np.inf if free else self.margin,
-            slack=free or self.slack,
-            kept_off=None if free else self.kept_off,
+            margin=-np.inf if unbounded else self.margin,
+            slack=unbounded or self.slack,
+            forbidden_pairs=None if unbounded else self.forbidden_pairs,
         )
         rollouts.laws = self.laws
         return rollouts
@@ -115,10 +115,10 @@ class Rollouts:
     def simulate(
         self,
         starts: StateArrays,
-        start: Indices,
+        start_index: Indices,
         acceleration: Array,
         *,
-        n_given: Indices | None = None,
+        n_prescribed: Indices | None = None,
         n_segments: Indices | None = None,
         law: Indices | None = None,
         lead_time: Array | None = None,
@@ -130,22 +130,22 @@ class Rollouts:
 
         Args:
             starts: (m,) states.
-            start: (n,) index of the start of each rollout.
+            start_index: (n,) index of the start of each rollout.
             acceleration: (n, segments, n_vK) accelerations of the driven coordinates.
-            n_given: (n,) number of segments with these accelerations; a law controls the others.
-                All by default.
+            n_prescribed: (n,) number of segments with these accelerations; a law controls the
+                others. All by default.
             n_segments: (n,) largest number of segments; all by default.
             law: (n,) index of the law; the first by default.
             lead_time: (n,) lead time of a law's reference [s].
             n_checks: number of checks in a segment.
         """
-        n, segments = acceleration.shape[:2]
-        n_given = np.full(n, segments) if n_given is None else n_given
-        segments_run = self._pool(
+        n, n_columns = acceleration.shape[:2]
+        n_prescribed = np.full(n, n_columns) if n_prescribed is None else n_prescribed
+        result = self._pool(
             starts.parts,
-            start,
+            start_index,
             acceleration,
-            n_given,
+            n_prescribed,
             n_segments,
             self.laws,
             law,
@@ -153,30 +153,30 @@ class Rollouts:
             n_checks,
         )
         if self.goal.function is not None:
-            complete = segments_run.n_checks > 0
-            segments_run.distance[complete] = self.goal.distance(
-                StateArrays(**segments_run.states)[complete]
-            )
+            complete = result.n_checks > 0
+            result.distance[complete] = self.goal.distance(StateArrays(**result.states)[complete])
         if self.goal.touches:
-            self._add_gaps(segments_run)
-        return segments_run
+            self._add_gaps(result)
+        return result
 
-    def _add_gaps(self, segments_run: Segments) -> None:
+    def _add_gaps(self, result: Segments) -> None:
         """Adds the gaps of open touches to the distances at the ends of segments."""
-        is_open = (segments_run.n_checks > 0) & (segments_run.distance >= self.goal.numbers.open)
-        gaps = self.goal.gaps(StateArrays(**segments_run.states)[is_open])
-        segments_run.distance[is_open] += np.sum(np.maximum(gaps, 0.0), axis=-1)
+        is_open = (result.n_checks > 0) & (result.distance >= self.goal.numbers.open)
+        gaps = self.goal.gaps(StateArrays(**result.states)[is_open])
+        result.distance[is_open] += np.sum(np.maximum(gaps, 0.0), axis=-1)
 
-    def replay(self, before: StateArrays, acceleration: Array, n_checks: int) -> StateArrays | None:
+    def replay(
+        self, start_state: StateArrays, acceleration: Array, n_checks: int
+    ) -> StateArrays | None:
         """The end of a segment, simulated again; None if it is not clear.
 
         Args:
-            before: (1,) state at its beginning.
+            start_state: (1,) state at its beginning.
             acceleration: (n_vK,) accelerations of the driven coordinates.
             n_checks: number of checks in the segment.
         """
-        segment_run = self.simulate(
-            before, np.zeros(1, int), acceleration[None, None], n_checks=n_checks
+        result = self.simulate(
+            start_state, np.zeros(1, int), acceleration[None, None], n_checks=n_checks
         )
-        is_complete = segment_run.n_checks[0, 0] == n_checks
-        return StateArrays(**segment_run.states)[:, 0] if is_complete else None
+        is_complete = result.n_checks[0, 0] == n_checks
+        return StateArrays(**result.states)[:, 0] if is_complete else None

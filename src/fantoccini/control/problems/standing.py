@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from fantoccini.base import Array, ConfigD, ConfigK, MaskRows, StateError, Status
-from fantoccini.control.problems.balance import balanced, best_support
+from fantoccini.control.problems.balance import best_support, nearest_equilibrium
 from fantoccini.control.problems.rollouts import Rollouts
-from fantoccini.control.tasks import Goal, StateArrays, Touches, carried
+from fantoccini.control.tasks import Goal, StateArrays, TouchRules, carried_share
 from fantoccini.dynamics.compiled import TimeStepping
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.dynamics.simulation import simulate
@@ -69,7 +69,7 @@ class Stance:
     note: str
 
 
-def stance(goal: Goal, start: State, rollouts: Rollouts, touches: Touches) -> Stance:
+def stance(goal: Goal, start: State, rollouts: Rollouts, touches: TouchRules) -> Stance:
     """A state of rest with contact near a goal.
 
     The puppet hangs with its feet in first contact, as near to the goal as possible. Its strings
@@ -85,28 +85,28 @@ def stance(goal: Goal, start: State, rollouts: Rollouts, touches: Touches) -> St
         The first stance at the goal; otherwise the one with the largest share.
     """
     marionette, bounds = rollouts.marionette, rollouts.bounds
-    q_D, q_K, _ = balanced(marionette, goal, start, bounds.moves)
-    sinking = _sinking_direction(marionette, q_D, q_K, bounds.moves)
-    wanted_share = min(1.0, _TOLERANCES.weight_factor * (goal.share or 0.0))
+    q_D, q_K, _ = nearest_equilibrium(marionette, goal, start, bounds.movable)
+    sink_direction = _sink_direction(marionette, q_D, q_K, bounds.movable)
+    target_share = min(1.0, _TOLERANCES.weight_factor * (goal.share or 0.0))
     best, nearest = Stance(None, 0.0, ""), np.inf
-    raised = q_K - _TOLERANCES.start_height * sinking
+    raised_q_K = q_K - _TOLERANCES.start_height * sink_direction
     try:
-        raised_state = marionette.rest(start.replace(q_D=q_D, q_K=raised))
+        raised_state = marionette.rest(start.replace(q_D=q_D, q_K=raised_q_K))
     except StateError as error:
         return Stance(None, 0.0, f"no rest was found above the stance: {error}")
     for sink_distance in _TOLERANCES.lowering_distances:
-        lowered = q_K + sink_distance * sinking
-        if not np.all((lowered >= bounds.low) & (lowered <= bounds.high)):
+        lowered_q_K = q_K + sink_distance * sink_direction
+        if not np.all((lowered_q_K >= bounds.low) & (lowered_q_K <= bounds.high)):
             continue
-        run = _lowering_run(marionette, raised_state, lowered)
-        state, share = run.state(-1), carried(marionette, run)
+        run = _lowering_run(marionette, raised_state, lowered_q_K)
+        state, share = run.state(-1), carried_share(marionette, run)
         state = state.replace(v_D=np.zeros_like(state.v_D), v_K=np.zeros_like(state.v_K))
         touches_closed = np.all(touches.gaps(state.q_D, state.q_K) < _TOLERANCES.max_standing_gap)
         if run.status is not Status.DONE or not touches_closed:
             continue
         distance = float(goal.distance(StateArrays.of(state))[0])
         nearest = min(nearest, distance)
-        if share >= wanted_share and distance <= rollouts.stop_distance:
+        if share >= target_share and distance <= rollouts.stop_distance:
             return Stance(state, share, "")
         if share > best.share:
             best = Stance(state, share, "")
@@ -132,15 +132,13 @@ def _lowering_run(marionette: Marionette, x: State, q_K: ConfigK) -> Trajectory:
     return simulate(marionette, x.replace(t=0.0), inputs, method=method, throw=False)
 
 
-def _sinking_direction(
-    marionette: Marionette, q_D: ConfigD, q_K: ConfigK, moves: MaskRows
-) -> Array:
+def _sink_direction(marionette: Marionette, q_D: ConfigD, q_K: ConfigK, movable: MaskRows) -> Array:
     """(n_qK,) the least change of the driven coordinates that lengthens every taut string by 1 m.
 
     It solves dh/dq_K change = -1; the puppet sinks by that distance.
     """
     table, step = marionette.coordinates, _TOLERANCES.difference
-    indices = [(q, v) for q, v in table.scalars_K if moves[v]]
+    indices = [(q, v) for q, v in table.scalars_K if movable[v]]
     _, tension, _ = best_support(marionette, q_D[None], q_K[None])
     taut = np.flatnonzero(tension[0] > _TOLERANCES.min_tension * marionette.weight)
     changed_q_K = np.tile(q_K, (len(indices) + 1, 1))

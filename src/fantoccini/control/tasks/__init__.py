@@ -6,7 +6,7 @@ from fantoccini.control.tasks.chosen_parameters import ChosenParameters
 from fantoccini.control.tasks.clip import Clip
 from fantoccini.control.tasks.control_file import ControlFile
 from fantoccini.control.tasks.costs import Smooth, Track
-from fantoccini.control.tasks.drawn_inputs import DrivenConditions, hats
+from fantoccini.control.tasks.drawn_inputs import DrivenConditions, hat_functions
 from fantoccini.control.tasks.driven_bounds import DrivenBounds
 from fantoccini.control.tasks.goals import Goal, GoalLike
 from fantoccini.control.tasks.loading import (
@@ -23,18 +23,24 @@ from fantoccini.control.tasks.plan_conditions import PlanConditions, RolloutOpti
 from fantoccini.control.tasks.problem_file import ProblemFile
 from fantoccini.control.tasks.residuals import (
     NodeKinematics,
-    NumberResidual,
     Residual,
-    path_of,
-    residual_of,
-    share,
+    ScalarResidual,
+    active_fraction,
+    track_path,
+    track_residual,
 )
 from fantoccini.control.tasks.schema import TaskFile
 from fantoccini.control.tasks.state_arrays import StateArrays, flattened
 from fantoccini.control.tasks.targets import Target
 from fantoccini.control.tasks.task import GuessLike, Task
-from fantoccini.control.tasks.touch import Touch, Touched
-from fantoccini.control.tasks.touches import KEEP_OFF, ContactLike, Meeting, Touches, carried
+from fantoccini.control.tasks.touch import ClosestApproach, Touch
+from fantoccini.control.tasks.touches import (
+    KEEP_OFF,
+    ContactLike,
+    TouchEvent,
+    TouchRules,
+    carried_share,
+)
 
 __all__ = [
     "KEEP_OFF",
@@ -45,6 +51,7 @@ __all__ = [
     "Bounds",
     "ChosenParameters",
     "Clip",
+    "ClosestApproach",
     "ContactLike",
     "ControlFile",
     "DrivenBounds",
@@ -54,35 +61,34 @@ __all__ = [
     "GuessLike",
     "Interval",
     "Magnitudes",
-    "Meeting",
     "NodeKinematics",
     "Nodes",
-    "NumberResidual",
     "Objective",
     "PlanConditions",
     "ProblemFile",
     "Residual",
     "RolloutOptions",
+    "ScalarResidual",
     "Smooth",
     "StateArrays",
     "Target",
     "Task",
     "TaskFile",
     "Touch",
-    "Touched",
-    "Touches",
+    "TouchEvent",
+    "TouchRules",
     "Track",
-    "carried",
+    "active_fraction",
+    "carried_share",
     "entry_names",
     "flattened",
-    "hats",
+    "hat_functions",
     "load_task",
-    "path_of",
     "problem_names",
     "problem_schema",
     "read_task",
-    "residual_of",
-    "share",
     "task_names",
     "task_schema",
+    "track_path",
+    "track_residual",
 ]

@@ -84,7 +84,7 @@ class Bounds:
         table, bound = marionette.coordinates, getattr(self, kind)
         magnitudes = np.full(table.n_vK, np.inf)
         if isinstance(bound, Mapping):
-            for k, (_, value) in by_driven(table, table.v_K, bound, kind).items():
+            for k, (_, value) in resolve_driven(table, table.v_K, bound, kind).items():
                 is_held = value == 0.0 and kind in ("speed", "acceleration")
                 magnitudes[k] = np.inf if is_held else value
         else:
@@ -100,15 +100,15 @@ class Bounds:
 
         They are in ``held``, or have a bound of speed or acceleration of 0.
         """
-        held = by_driven(table, table.v_K, dict.fromkeys(self.held), "held")
+        held = resolve_driven(table, table.v_K, dict.fromkeys(self.held), "held")
         for kind in ("speed", "acceleration"):
             bound = getattr(self, kind)
             if isinstance(bound, Mapping):
-                still = [name for name, value in bound.items() if value == 0.0]
-                held |= by_driven(table, table.v_K, dict.fromkeys(still), kind)
+                names = [name for name, value in bound.items() if value == 0.0]
+                held |= resolve_driven(table, table.v_K, dict.fromkeys(names), kind)
         return {k: name for k, (name, _) in held.items()}
 
-    def staying_taut(self, marionette: Marionette, x0: State) -> Bounds:
+    def with_taut_strings(self, marionette: Marionette, x0: State) -> Bounds:
         """The same bounds, with strings that pull at the start kept taut."""
         tensions = motion_at(marionette, x0).tension
         names = [s.name for s in marionette.tree.strings]
@@ -116,29 +116,29 @@ class Bounds:
         wires = {s.name for s in marionette.tree.strings if s.wire}
         min_tension = _MIN_TENSION_SHARE * marionette.weight
         taut = {
-            name: (min(min_tension, 0.5 * pull), np.inf)
-            for name, pull in tension.items()
-            if pull > _TAUT_TENSION_SHARE * marionette.weight and name not in wires
+            name: (min(min_tension, 0.5 * force), np.inf)
+            for name, force in tension.items()
+            if force > _TAUT_TENSION_SHARE * marionette.weight and name not in wires
         }
         return replace(self, tension={**taut, **self.tension})
 
     def intervals(self, marionette: Marionette) -> tuple[Array, Array]:
         """(n_z,) lowest and highest numbers of (q_D, v_D, q_K, v_K), in the order of velocities."""
-        t = marionette.coordinates
-        n, k = t.n_vD, t.n_vK
+        table = marionette.coordinates
+        n, k = table.n_vD, table.n_vK
         low, high = np.full(2 * (n + k), -np.inf), np.full(2 * (n + k), np.inf)
-        names_K = [t.q_K[q] for q, _ in t.scalars_K]
-        names_D = [t.q_D[q] for q, _ in t.scalars_D]
-        driven = by_driven(t, names_K, self.position, "position")
-        spans = [(2 * n + t.scalars_K[i][1], *entry) for i, entry in driven.items()]
+        names_K = [table.q_K[q] for q, _ in table.scalars_K]
+        names_D = [table.q_D[q] for q, _ in table.scalars_D]
+        driven = resolve_driven(table, names_K, self.position, "position")
+        spans = [(2 * n + table.scalars_K[i][1], *entry) for i, entry in driven.items()]
         for name, span in self.joint.items():
             index = _index("dynamic scalar coordinate", name, names_D)
-            spans.append((t.scalars_D[index][1], name, span))
-        for index, name, (a, b) in spans:
-            if not a < b:
-                text = f"the bounds of {name} are {a:g} to {b:g}; the first must be less"
+            spans.append((table.scalars_D[index][1], name, span))
+        for index, name, (lower, upper) in spans:
+            if not lower < upper:
+                text = f"the bounds of {name} are {lower:g} to {upper:g}; the first must be less"
                 raise StateError(text)
-            low[index], high[index] = a, b
+            low[index], high[index] = lower, upper
         speed = self.magnitudes(marionette, "speed")
         low[2 * n + k :], high[2 * n + k :] = -speed, speed
         return low, high
@@ -152,32 +152,36 @@ class Bounds:
             )
 
     def check_state(
-        self, marionette: Marionette, x: State, when: str, required: Mask | None = None
+        self, marionette: Marionette, x: State, moment: str, required: Mask | None = None
     ) -> None:
         """Raises StateError if a state is beyond the bounds of coordinates and speeds.
 
         Args:
             marionette: the puppet.
             x: the state.
-            when: time for the message, such as ``at the end``.
+            moment: time for the message, such as ``at the end``.
             required: (n_z,) bool, the entries of z to check; all by default.
         """
-        t = marionette.coordinates
-        checked = np.ones(2 * (t.n_vD + t.n_vK), dtype=bool) if required is None else required
-        for k, name in self.held_velocities(t).items():
-            if checked[2 * t.n_vD + t.n_vK + k] and abs(x.v_K[k]) > _STATE_TOLERANCE:
-                raise StateError(f"{name} is held, but moves {when}")
+        table = marionette.coordinates
+        checked = (
+            np.ones(2 * (table.n_vD + table.n_vK), dtype=bool) if required is None else required
+        )
+        for k, name in self.held_velocities(table).items():
+            if checked[2 * table.n_vD + table.n_vK + k] and abs(x.v_K[k]) > _STATE_TOLERANCE:
+                raise StateError(f"{name} is held, but moves {moment}")
         low, high = self.intervals(marionette)
-        numbers = Nodes.still(marionette, x, 1.0, 1).numbers[0]
-        entries = zip(entry_names(t), checked, numbers, low, high, strict=True)
-        for name, is_checked, value, a, b in entries:
-            if is_checked and not a - _STATE_TOLERANCE <= value <= b + _STATE_TOLERANCE:
-                raise StateError(f"{name} is {value:.6g} {when}, beyond its bounds {a:g} to {b:g}")
+        numbers = Nodes.constant(marionette, x, 1.0, 1).scalars[0]
+        entries = zip(entry_names(table), checked, numbers, low, high, strict=True)
+        for name, is_checked, value, lower, upper in entries:
+            if is_checked and not lower - _STATE_TOLERANCE <= value <= upper + _STATE_TOLERANCE:
+                raise StateError(
+                    f"{name} is {value:.6g} {moment}, beyond its bounds {lower:g} to {upper:g}"
+                )
 
     def check_end(self, marionette: Marionette, x0: State, end: End) -> None:
         """Raises StateError if no motion from a start within bounds can reach an end."""
         self.check_state(marionette, end.state, "at the end", end.required)
-        change = end.gap(Nodes.still(marionette, x0, 1.0, 1))
+        change = end.gap(Nodes.constant(marionette, x0, 1.0, 1))
         names = entry_names(marionette.coordinates)
         first_driven = 2 * marionette.coordinates.n_vD
         for k in self.held_velocities(marionette.coordinates):
@@ -208,7 +212,7 @@ class Bounds:
         if self.force and marionette.contacts is not None:
             raise StateError("bounds of forces need a puppet without contact")
         table = marionette.coordinates
-        forces = by_driven(table, table.v_K, self.force, "force")
+        forces = resolve_driven(table, table.v_K, self.force, "force")
         spans = {table.v_K[k]: span for k, (_, span) in forces.items()}
         return _intervals("force", "driven velocity", spans, table.v_K)
 
@@ -238,19 +242,20 @@ class Bounds:
                     f"the bound of {kind} is {bound!r}; needed: a puppet with a dc motor"
                 )
             bound = dict.fromkeys(drives, bound)
-        for name, cap in bound.items():
+        for name, limit in bound.items():
             if name not in drives:
                 raise UnknownNameError(f"dc motor's command with a bound of {kind}", name, drives)
-            if np.ndim(cap) or not cap > 0.0:
+            if np.ndim(limit) or not limit > 0.0:
                 raise StateError(
-                    f"the bound of {kind} of {name} is {cap!r}; it must be a number greater than 0"
+                    f"the bound of {kind} of {name} is {limit!r}; it must be a number "
+                    "greater than 0"
                 )
         if bound and marionette.contacts is not None:
             raise StateError(f"bounds of {kind}s need a puppet without contact")
         return [drives[name] for name in bound], np.array(list(bound.values()), dtype=float)
 
 
-def by_driven(
+def resolve_driven(
     table: CoordinateTable, names: Sequence[str], values: Mapping[str, Value], label: str
 ) -> dict[int, tuple[str, Value]]:
     """Index in names -> given name and value of driven coordinates.

@@ -27,7 +27,7 @@ class ChosenParameters:
     Attributes:
         names: names of the parameters.
         low, high: (n,) their lowest and highest values.
-        own_values: (n,) the puppet's own values.
+        default_values: (n,) the puppet's own values.
 
     Args:
         marionette, x0: the puppet and its start.
@@ -56,7 +56,7 @@ class ChosenParameters:
                 marionette.with_parameters({name: bound})
         self.columns = [index[name] for name in self.names]
         bounds = np.array(list(parameters.values()), dtype=float).reshape(-1, 2)
-        self.low, self.high, self.own_values = bounds[:, 0], bounds[:, 1], p[self.columns]
+        self.low, self.high, self.default_values = bounds[:, 0], bounds[:, 1], p[self.columns]
         self._marionette, self._x0 = marionette, x0
         # A search evaluates a motion several times with the same parameters and their neighbours.
         self._cached = lru_cache(maxsize=4 * len(self.names) + 2)(self._start_with)
@@ -87,27 +87,31 @@ class ChosenParameters:
             pairs.append((below, above))
         return pairs
 
-    def start_by(self, values: Array) -> Array:
+    def start_derivatives(self, values: Array) -> Array:
         """(n_z, n) derivatives of the start with respect to the parameters, by differences."""
-        t = self._marionette.coordinates
-        n = t.n_vD
-        derivatives = np.zeros((2 * (n + t.n_vK), len(self)))
+        table = self._marionette.coordinates
+        n = table.n_vD
+        derivatives = np.zeros((2 * (n + table.n_vK), len(self)))
         for i, (below, above) in enumerate(self.neighbours(values)):
-            first, second, difference = self.start(below), self.start(above), above[i] - below[i]
+            start_below = self.start(below)
+            start_above = self.start(above)
+            difference = above[i] - below[i]
             change = tangent.between(
-                t.scalars_D, t.quaternions_D, first.q_D[None], second.q_D[None], n
+                table.scalars_D,
+                table.quaternions_D,
+                start_below.q_D[None],
+                start_above.q_D[None],
+                n,
             )[0]
-            derivatives[:n, i], derivatives[n : 2 * n, i] = (
-                change / difference,
-                (second.v_D - first.v_D) / difference,
-            )
+            derivatives[:n, i] = change / difference
+            derivatives[n : 2 * n, i] = (start_above.v_D - start_below.v_D) / difference
         return derivatives
 
     def _start_with(self, values: tuple[float, ...]) -> tuple[Marionette, State]:
         if not values:
             return self._marionette, self._x0
         marionette = self._marionette.with_parameters(dict(zip(self.names, values, strict=True)))
-        if np.array_equal(values, self.own_values):
+        if np.array_equal(values, self.default_values):
             return marionette, self._x0
         if self._hangs_at_rest:
             return marionette, marionette.rest(self._x0)

@@ -58,33 +58,33 @@ class Clip:
         if kind == "tension":
             return run.tension[name][:, None]
         if kind == "coordinate":
-            return self._column(run, "q", "scalar coordinate", [name])
+            return self._columns(run, "q", "scalar coordinate", [name])
         if kind == "velocity":
             names = list(marionette.coordinates.v_D) if name == "*" else [name]
             speed = self.speed * ((times >= first) & (times <= last))
-            return speed[:, None] * self._column(run, "v", "velocity", names)
-        puppet = self._performer or marionette
+            return speed[:, None] * self._columns(run, "v", "velocity", names)
+        puppet = self._puppet_of_run or marionette
         pose = puppet.poses(run.q_D, run.q_K)[:, puppet.link_index(name)]
         if kind == "orientation":
             return rotation.quaternion(pose[:, :, :3])
         return np.asarray(pose[:, :, :3] @ np.array(at) + pose[:, :, 3] + np.asarray(self.by))
 
     @cached_property
-    def _performer(self) -> Marionette | None:
+    def _puppet_of_run(self) -> Marionette | None:
         """The puppet of the run; None if it is not saved with the run."""
         return None if self.run.puppet is None else Marionette(self.run.puppet)
 
     @staticmethod
-    def _column(run: Trajectory, part: str, what: str, names: Sequence[str]) -> Array:
+    def _columns(run: Trajectory, symbol: str, label: str, names: Sequence[str]) -> Array:
         """(n, len(names)) coordinates or velocities of the run's states."""
-        t = run.coordinates
-        if part == "q":
-            columns = {t.q_D[q]: run.q_D[:, q] for q, _ in t.scalars_D}
-            columns |= {t.q_K[q]: run.q_K[:, q] for q, _ in t.scalars_K}
+        table = run.coordinates
+        if symbol == "q":
+            columns = {table.q_D[q]: run.q_D[:, q] for q, _ in table.scalars_D}
+            columns |= {table.q_K[q]: run.q_K[:, q] for q, _ in table.scalars_K}
         else:
-            columns = dict(zip(t.v_D, run.v_D.T, strict=True))
-            columns |= dict(zip(t.v_K, run.v_K.T, strict=True))
+            columns = dict(zip(table.v_D, run.v_D.T, strict=True))
+            columns |= dict(zip(table.v_K, run.v_K.T, strict=True))
         for name in names:
             if name not in columns:
-                raise UnknownNameError(what, name, list(columns))
+                raise UnknownNameError(label, name, list(columns))
         return np.stack([columns[name] for name in names], axis=1)

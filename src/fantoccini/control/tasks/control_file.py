@@ -41,13 +41,13 @@ class Reading(Generic[FileT]):
     marionette: Marionette
     check: Mistakes
 
-    def states(self, key: str, values: dict[str, Any]) -> None:
+    def check_values(self, key: str, values: dict[str, Any]) -> None:
         """Reports coordinates and values under a key that the puppet cannot have."""
         for name, value in values.items():
             state = {name: value}
             self.check((key, name), lambda state=state: self.marionette.state(state))
 
-    def note(self, place: tuple[str | int, ...], text: str) -> None:
+    def add_mistake(self, place: tuple[str | int, ...], text: str) -> None:
         """Adds a mistake."""
 
         def refuse() -> None:
@@ -90,7 +90,7 @@ def begin_reading(file: FileT, progress: OnProgress | None) -> Reading[FileT]:
     """
     marionette = load(named_file(file.puppet, file.located), progress)
     reading = Reading(file, marionette, Mistakes(file.located))
-    reading.states("start", file.start)
+    reading.check_values("start", file.start)
     return reading
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from fantoccini.base import StateError, check_not_negative
 from fantoccini.control.tasks.targets import Target
 
-KINDS = ("point", "orientation", "coordinate", "tension", "velocity")
+TRACK_KINDS = ("point", "orientation", "coordinate", "tension", "velocity")
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,7 +24,7 @@ class Track:
     """A cost for leaving a path. See :meth:`point`, :meth:`orientation` and the other constructors.
 
     Attributes:
-        kind: quantity that follows the path, one of :data:`KINDS`.
+        kind: quantity that follows the path, one of :data:`TRACK_KINDS`.
         name: name of the body, the coordinate or the string.
         path: desired values over time.
         at: (3,) the point in the body's frame [m].
@@ -51,8 +51,10 @@ class Track:
                 f"the path of {self.name} counts from {self.start:g} s to {self.end:g} s; the "
                 "first must be less"
             )
-        if self.kind not in KINDS:
-            raise StateError(f"a Track of {self.kind!r}; it must be one of {', '.join(KINDS)}")
+        if self.kind not in TRACK_KINDS:
+            raise StateError(
+                f"a Track of {self.kind!r}; it must be one of {', '.join(TRACK_KINDS)}"
+            )
 
     @classmethod
     def point(
@@ -61,30 +63,30 @@ class Track:
         path: Target,
         *,
         at: tuple[float, float, float] = (0.0, 0.0, 0.0),
-        **more: Any,
+        **options: Any,
     ) -> Track:
         """A point of a body follows a path in the world, (T, 3) [m]; weights in 1/m^2."""
-        return cls("point", body, path, at, **more)
+        return cls("point", body, path, at, **options)
 
     @classmethod
-    def orientation(cls, body: str, path: Target, **more: Any) -> Track:
+    def orientation(cls, body: str, path: Target, **options: Any) -> Track:
         """A body follows quaternions (T, 4); the residual is a rotation vector [rad]."""
-        return cls("orientation", body, path, **more)
+        return cls("orientation", body, path, **options)
 
     @classmethod
-    def coordinate(cls, name: str, path: Target, **more: Any) -> Track:
+    def coordinate(cls, name: str, path: Target, **options: Any) -> Track:
         """A scalar coordinate, dynamic or driven, follows values [rad or m]."""
-        return cls("coordinate", name, path, **more)
+        return cls("coordinate", name, path, **options)
 
     @classmethod
-    def velocity(cls, name: str, path: Target = 0.0, **more: Any) -> Track:
+    def velocity(cls, name: str, path: Target = 0.0, **options: Any) -> Track:
         """A velocity, dynamic or driven, follows values [rad/s or m/s]; ``*``: all dynamic ones."""
-        return cls("velocity", name, path, **more)
+        return cls("velocity", name, path, **options)
 
     @classmethod
-    def tension(cls, string: str, path: Target, **more: Any) -> Track:
+    def tension(cls, string: str, path: Target, **options: Any) -> Track:
         """A string's tension follows values [N]."""
-        return cls("tension", string, path, **more)
+        return cls("tension", string, path, **options)
 
 
 @dataclass(frozen=True)

@@ -25,14 +25,14 @@ class DrivenConditions:
     """The driven coordinates that move, their start, bounds and end.
 
     Attributes:
-        moves: (k,) indices of the driven coordinates that are not held.
+        movable: (k,) indices of the driven coordinates that are not held.
         start: (2, n_vK) numbers and velocities at the start.
         max_acceleration: (n_vK,) largest accelerations.
         low, high: (2, n_vK) bounds of numbers and velocities.
         end: (2, n_vK) required numbers and velocities at the end; NaN where they are free.
     """
 
-    moves: Indices
+    movable: Indices
     start: Array
     max_acceleration: Array
     low: Array
@@ -40,17 +40,17 @@ class DrivenConditions:
     end: Array
 
     @classmethod
-    def of(cls, task: Task) -> DrivenConditions:
+    def from_task(cls, task: Task) -> DrivenConditions:
         """The driven coordinates of a task."""
         marionette = task.marionette
         table = marionette.coordinates
         n, k = table.n_vD, table.n_vK
         max_acceleration = task.bounds.magnitudes(marionette, "acceleration")
-        low, high = (a[2 * n :].reshape(2, k) for a in task.bounds.intervals(marionette))
-        start = Nodes.still(marionette, task.x0, 1.0, 1).numbers[0, 2 * n :].reshape(2, k)
+        low, high = (array[2 * n :].reshape(2, k) for array in task.bounds.intervals(marionette))
+        start = Nodes.constant(marionette, task.x0, 1.0, 1).scalars[0, 2 * n :].reshape(2, k)
         end = np.full((2, k), np.nan)
         if task.periodic is None and (required_end := task.required_end) is not None:
-            numbers = Nodes.still(marionette, required_end.state, 1.0, 1).numbers[0, 2 * n :]
+            numbers = Nodes.constant(marionette, required_end.state, 1.0, 1).scalars[0, 2 * n :]
             end = np.where(required_end.required[2 * n :], numbers, np.nan).reshape(2, k)
         return cls(np.flatnonzero(max_acceleration > 0.0), start, max_acceleration, low, high, end)
 
@@ -61,7 +61,7 @@ class DrivenConditions:
             np.isfinite(self.max_acceleration), self.max_acceleration, _DEFAULT_ACCELERATION
         )
 
-    def within(self, acc: Array, h: float) -> Array:
+    def clipped(self, acc: Array, h: float) -> Array:
         """(n, N, n_vK) accelerations clipped to the bounds.
 
         With a bound a, the coordinate can stop within v^2 / (2 a) + |v| h / 2 by accelerations that
@@ -69,27 +69,35 @@ class DrivenConditions:
 
             v+^2 / (2 a) + v+ h <= high - q - v h / 2
         """
-        out, h2 = np.empty_like(acc), 0.5 * h
-        q, v = (np.broadcast_to(a, (len(acc), acc.shape[2])).copy() for a in self.start)
+        clipped, half_step = np.empty_like(acc), 0.5 * h
+        q, v = (np.broadcast_to(array, (len(acc), acc.shape[2])).copy() for array in self.start)
         for i in range(acc.shape[1]):
-            upper = np.minimum(self.high[1], self._stops(self.high[0] - q - h2 * v, h))
-            lower = np.maximum(self.low[1], -self._stops(q + h2 * v - self.low[0], h))
+            upper = np.minimum(
+                self.high[1], self._stopping_speed(self.high[0] - q - half_step * v, h)
+            )
+            lower = np.maximum(
+                self.low[1], -self._stopping_speed(q + half_step * v - self.low[0], h)
+            )
             velocity = np.clip(v + h * acc[:, i], np.minimum(lower, upper), upper)
-            out[:, i] = np.clip((velocity - v) / h, -self.max_acceleration, self.max_acceleration)
-            v_next = v + h * out[:, i]
-            q, v = q + h2 * (v + v_next), v_next
-        return out
+            clipped[:, i] = np.clip(
+                (velocity - v) / h, -self.max_acceleration, self.max_acceleration
+            )
+            v_next = v + h * clipped[:, i]
+            q, v = q + half_step * (v + v_next), v_next
+        return clipped
 
-    def _stops(self, distance: Array, h: float) -> Array:
+    def _stopping_speed(self, distance: Array, h: float) -> Array:
         """The largest velocity after an interval from which a coordinate stops in a distance."""
-        free = ~np.isfinite(self.max_acceleration)
-        braking = np.where(free | (self.max_acceleration == 0.0), 1.0, self.max_acceleration)
+        is_unbounded = ~np.isfinite(self.max_acceleration)
+        braking = np.where(
+            is_unbounded | (self.max_acceleration == 0.0), 1.0, self.max_acceleration
+        )
         distance = np.maximum(distance, 0.0)
-        bounded = braking * (np.sqrt(h * h + 2.0 * distance / braking) - h)
-        bounded[:, free] = distance[:, free] / h
-        return bounded
+        speed = braking * (np.sqrt(h * h + 2.0 * distance / braking) - h)
+        speed[:, is_unbounded] = distance[:, is_unbounded] / h
+        return speed
 
-    def ending(self, acc: Array, h: float) -> Array:
+    def projected_onto_end(self, acc: Array, h: float) -> Array:
         """(n, N, n_vK) the nearest accelerations that reach the required end, ignoring bounds."""
         N = acc.shape[1]
         columns = np.flatnonzero(np.isfinite(self.end[0]) & (self.max_acceleration > 0.0))
@@ -100,12 +108,12 @@ class DrivenConditions:
         residual = (self.end - unforced)[:, columns] - np.einsum(
             "ei,nik->nek", G, acc[:, :, columns]
         )
-        out = acc.copy()
-        out[:, :, columns] += np.einsum("ei,nek->nik", np.linalg.solve(G @ G.T, G), residual)
-        return out
+        corrected = acc.copy()
+        corrected[:, :, columns] += np.einsum("ei,nek->nik", np.linalg.solve(G @ G.T, G), residual)
+        return corrected
 
 
-def hats(N: int, knots: int) -> Array:
+def hat_functions(N: int, knots: int) -> Array:
     """(N, knots) values of the hat functions of the knots in the middles of N intervals."""
     position = (np.arange(N) + 0.5) / N * (knots - 1)
     return np.maximum(1.0 - np.abs(position[:, None] - np.arange(knots)), 0.0)

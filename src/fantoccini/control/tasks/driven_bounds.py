@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fantoccini.base import Array, MaskRows, StateError
-from fantoccini.control.tasks.bounds import Bounds, Magnitudes, by_driven
+from fantoccini.control.tasks.bounds import Bounds, Magnitudes, resolve_driven
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.model.tree import CoordinateTable
 
@@ -49,7 +49,7 @@ class DrivenBounds:
     high: Array
 
     @property
-    def moves(self) -> MaskRows:
+    def movable(self) -> MaskRows:
         """(n_vK,) bool, the driven velocities that may be nonzero."""
         return (self.speed > 0.0) & (self.acceleration > 0.0)
 
@@ -59,7 +59,7 @@ class DrivenBounds:
         return replace(self, speed=share * self.speed, acceleration=share * self.acceleration)
 
     @classmethod
-    def of(cls, marionette: Marionette, bounds: Bounds) -> DrivenBounds:
+    def from_bounds(cls, marionette: Marionette, bounds: Bounds) -> DrivenBounds:
         """The bounds of a task.
 
         Args:
@@ -75,13 +75,13 @@ class DrivenBounds:
         table = marionette.coordinates
         if table.quaternions_K:
             raise StateError("plans move points and lengths; this puppet has a driven rotation")
-        if extra := [
+        if unsupported := [
             name
             for name in _UNSUPPORTED_BOUNDS
             if getattr(bounds, name) != getattr(_DEFAULT_BOUNDS, name)
         ]:
             raise StateError(
-                f"plans do not support bounds of {', '.join(extra)}; give position, speed, "
+                f"plans do not support bounds of {', '.join(unsupported)}; give position, speed, "
                 "acceleration, held, clearance and own_body"
             )
         magnitudes = {
@@ -90,7 +90,7 @@ class DrivenBounds:
                 table, bounds.acceleration, "acceleration", _LIMITS.default_acceleration
             ),
         }
-        held = list(by_driven(table, table.q_K, dict.fromkeys(bounds.held), "held"))
+        held = list(resolve_driven(table, table.q_K, dict.fromkeys(bounds.held), "held"))
         for magnitude in magnitudes.values():
             magnitude[held] = 0.0
         if not np.any((magnitudes["speed"] > 0.0) & (magnitudes["acceleration"] > 0.0)):
@@ -100,7 +100,7 @@ class DrivenBounds:
             driven = marionette.tree.commanding_length(string)
             if driven is not None:
                 low[driven[0]] = _LIMITS.min_length
-        positions = by_driven(table, table.q_K, bounds.position, "range")
+        positions = resolve_driven(table, table.q_K, bounds.position, "range")
         for k, (name, (lower, upper)) in positions.items():
             if not lower < upper:
                 raise StateError(f"the range of {name} is {lower} to {upper}; it must not be empty")
@@ -113,7 +113,7 @@ def _magnitudes(table: CoordinateTable, bounds: Magnitudes, label: str, default:
     if not isinstance(bounds, Mapping):
         bounds = dict.fromkeys(table.q_K, default if bounds == np.inf else bounds)
     magnitudes, upper = np.zeros(table.n_qK), _LIMITS.max_bound
-    for k, (name, value) in by_driven(table, table.q_K, bounds, label).items():
+    for k, (name, value) in resolve_driven(table, table.q_K, bounds, label).items():
         if not 0.0 <= value <= upper:
             raise StateError(
                 f"the {label} of {name} is {value}; it must be at least 0 and at most {upper:g}"

@@ -27,7 +27,7 @@ class End:
     required: Mask
 
     @classmethod
-    def whole(cls, table: CoordinateTable, state: State) -> End:
+    def full_state(cls, table: CoordinateTable, state: State) -> End:
         """The end that requires a whole state, driven coordinates and velocities included."""
         return cls(state, np.ones(2 * (table.n_vD + table.n_vK), dtype=bool))
 
@@ -56,4 +56,4 @@ class End:
 
     def gap(self, nodes: Nodes) -> Array:
         """(n_z,) change from the last node to the end; 0 for entries that are not required."""
-        return np.where(self.required, nodes.change_to(self.state), 0.0)
+        return np.where(self.required, nodes.end_change_to(self.state), 0.0)

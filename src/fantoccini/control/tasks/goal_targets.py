@@ -14,7 +14,7 @@ Target = float | Sequence[float]
 """A value, the ends of an interval, or a rotation of three or four numbers."""
 
 
-def interval(name: str, value: Target, is_rotation: bool) -> tuple[Target, Target]:
+def interval_ends(name: str, value: Target, is_rotation: bool) -> tuple[Target, Target]:
     """The ends of the interval of a target."""
     if is_rotation or isinstance(value, (float, int)) or np.ndim(value) == 0:
         return value, value
@@ -29,9 +29,9 @@ def interval(name: str, value: Target, is_rotation: bool) -> tuple[Target, Targe
 def coordinate_weights(marionette: Marionette, by_name: Mapping[str, float]) -> Array:
     """(n_vD,) the weight of every coordinate, at its first velocity."""
     table, weights = marionette.coordinates, np.zeros(marionette.coordinates.n_vD)
-    first = dict((*table.scalars_D, *table.quaternions_D))
+    first_velocity = dict((*table.scalars_D, *table.quaternions_D))
     for name, (q, _) in goal_coordinates(table).items():
-        weights[first[q]] = by_name.get(name, 0.0)
+        weights[first_velocity[q]] = by_name.get(name, 0.0)
     return weights
 
 

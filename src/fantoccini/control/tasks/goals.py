@@ -23,10 +23,10 @@ from fantoccini.control.tasks.goal_targets import (
     checked_weight,
     coordinate_weights,
     goal_coordinates,
-    interval,
+    interval_ends,
 )
 from fantoccini.control.tasks.state_arrays import StateArrays
-from fantoccini.control.tasks.touches import Pair, Touches, pair_of
+from fantoccini.control.tasks.touches import Pair, TouchRules, pair_of
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.kernel.runtime import POINT, POSE, UNKNOWN, GoalNumbers
 from fantoccini.motion import State
@@ -53,7 +53,7 @@ class Goal(ShortRepr):
     Distances to an interval or a box are distances to its nearest point. Goal velocities are 0
     unless the goal is a state. Required touches add their gaps and, while any of them is open, the
     tolerance of the plan, so that all are closed at its end. Goals are made by :meth:`pose`,
-    :meth:`point`, :meth:`touch`, :meth:`stand`, :meth:`moved` or :meth:`of`.
+    :meth:`point`, :meth:`touch`, :meth:`stand`, :meth:`displaced` or :meth:`of`.
 
     Attributes:
         marionette: the puppet.
@@ -64,7 +64,7 @@ class Goal(ShortRepr):
         touches: pairs of parts that must touch.
         share: least share of the puppets' weight that the touches carry at the end, if the puppet
             must stand on them; otherwise None.
-        met: contact pairs of a problem; set by :class:`fantoccini.control.Problem`.
+        touch_rules: contact pairs of a problem; set by :class:`fantoccini.control.Problem`.
     """
 
     marionette: Marionette
@@ -74,14 +74,14 @@ class Goal(ShortRepr):
     q_K: ConfigK | None = None
     touches: tuple[tuple[str, str], ...] = ()
     share: float | None = None
-    met: Touches | None = None
+    touch_rules: TouchRules | None = None
 
     def distance(self, states: StateArrays) -> Array:
         """(...) distances of states."""
         distances = self._function_distances(states)
-        return distances + self.apart(states) if self.touches else distances
+        return distances + self.touch_distance(states) if self.touches else distances
 
-    def apart(self, states: StateArrays) -> Array:
+    def touch_distance(self, states: StateArrays) -> Array:
         """(...) the part of the states' distances that touches contribute."""
         gaps = np.maximum(self.gaps(states), 0.0)
         sums: Array = np.sum(gaps, axis=-1)
@@ -89,19 +89,23 @@ class Goal(ShortRepr):
 
     def gaps(self, states: StateArrays) -> Array:
         """(..., n) gaps of the required touches [m]."""
-        met = Touches(self.marionette, required=self.touches) if self.met is None else self.met
-        return met.gaps(states.q_D, states.q_K)
+        rules = (
+            TouchRules(self.marionette, required=self.touches)
+            if self.touch_rules is None
+            else self.touch_rules
+        )
+        return rules.gaps(states.q_D, states.q_K)
 
-    def for_problem(self, met: Touches, tolerance: float) -> Goal:
+    def for_problem(self, rules: TouchRules, tolerance: float) -> Goal:
         """The same goal with a problem's touches and tolerance."""
         if not self.touches:
             return self
         if self.function is not None:
             raise StateError("a goal that is a function cannot ask for touches")
         numbers = replace(
-            self.numbers, touches=met.touch_of, n_touches=len(met.required), open=tolerance
+            self.numbers, touches=rules.touch_index, n_touches=len(rules.required), open=tolerance
         )
-        return replace(self, numbers=numbers, met=met)
+        return replace(self, numbers=numbers, touch_rules=rules)
 
     def touching(self, pairs: Iterable[Pair]) -> Goal:
         """The same goal, with pairs of parts that must also touch.
@@ -113,8 +117,8 @@ class Goal(ShortRepr):
             StateError: value that is not a pair of names.
         """
         touches = self.touches + tuple(pair_of(pair) for pair in pairs)
-        listed = ", ".join(f"{a} on {b}" for a, b in touches)
-        text = f"{self.text}, {listed}" if self.text else listed
+        pair_names = ", ".join(f"{first} on {second}" for first, second in touches)
+        text = f"{self.text}, {pair_names}" if self.text else pair_names
         return replace(self, touches=touches, text=text)
 
     def standing(self, pairs: Iterable[Pair], share: float = 0.1) -> Goal:
@@ -141,7 +145,7 @@ class Goal(ShortRepr):
         ).reshape(states.shape)
 
     @property
-    def whole(self) -> ConfigD | None:
+    def single_configuration(self) -> ConfigD | None:
         """(n_qD,) the only configuration at the goal; None if there are several."""
         numbers, table = self.numbers, self.marionette.coordinates
         indices = [v for _, v in (*table.scalars_D, *table.quaternions_D)]
@@ -164,11 +168,11 @@ class Goal(ShortRepr):
         ]
         for q, v in table.quaternions_D:
             if numbers.weight[v]:
-                angle_vector = rotation.between(numbers.low[q : q + 4], states.q_D[:, q : q + 4])
-                columns += list(numbers.weight[v] * angle_vector.T)
+                rotation_error = rotation.between(numbers.low[q : q + 4], states.q_D[:, q : q + 4])
+                columns += list(numbers.weight[v] * rotation_error.T)
         return np.stack(columns, axis=1) if columns else np.zeros((len(deviation), 0))
 
-    def of_start(self, start: StateArrays) -> float:
+    def start_distance(self, start: StateArrays) -> float:
         """The distance of a single state (1,).
 
         Raises:
@@ -266,14 +270,19 @@ class Goal(ShortRepr):
                 raise UnknownNameError("coordinate of the goal", name, list(values))
             if not 0.0 < weight < np.inf:
                 raise StateError(f"the weight of {name} is {weight}; it must be greater than 0")
-        ends = {name: interval(name, value, indices[name][1]) for name, value in values.items()}
-        low, high = (marionette.state({n: e[k] for n, e in ends.items()}).q_D for k in (0, 1))
-        by_name = {name: float((weights or {}).get(name, 1.0)) for name in values}
+        intervals = {
+            name: interval_ends(name, value, indices[name][1]) for name, value in values.items()
+        }
+        low, high = (
+            marionette.state({key: limits[k] for key, limits in intervals.items()}).q_D
+            for k in (0, 1)
+        )
+        weight_by_name = {name: float((weights or {}).get(name, 1.0)) for name in values}
         numbers = GoalNumbers(
             POSE,
             low,
             high,
-            coordinate_weights(marionette, by_name),
+            coordinate_weights(marionette, weight_by_name),
             np.zeros(marionette.coordinates.n_vD),
             np.zeros(marionette.coordinates.n_vK),
             speed_weight=checked_weight(speed_weight),
@@ -350,7 +359,7 @@ class Goal(ShortRepr):
             speed_weight, driven_weight: weights of the norms of the dynamic and the driven
                 velocities [s].
         """
-        goal = cls._of_pose(marionette, pose, speed_weight, driven_weight)
+        goal = cls._pose_or_any(marionette, pose, speed_weight, driven_weight)
         return goal.touching(pairs)
 
     @classmethod
@@ -373,11 +382,11 @@ class Goal(ShortRepr):
             speed_weight, driven_weight: weights of the norms of the dynamic and the driven
                 velocities [s].
         """
-        goal = cls._of_pose(marionette, pose, speed_weight, driven_weight)
+        goal = cls._pose_or_any(marionette, pose, speed_weight, driven_weight)
         return goal.standing(pairs, share)
 
     @classmethod
-    def moved(
+    def displaced(
         cls,
         marionette: Marionette,
         body: str,
@@ -408,7 +417,7 @@ class Goal(ShortRepr):
         )
 
     @classmethod
-    def _of_pose(
+    def _pose_or_any(
         cls,
         marionette: Marionette,
         pose: Mapping[str, Target] | None,

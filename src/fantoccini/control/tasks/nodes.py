@@ -47,7 +47,7 @@ class Nodes:
     moments: Times | None = None
 
     @classmethod
-    def still(cls, marionette: Marionette, x0: State, duration: float, n: int) -> Nodes:
+    def constant(cls, marionette: Marionette, x0: State, duration: float, n: int) -> Nodes:
         """The state x0 at every node, with inputs of constant velocity."""
         table, h = marionette.coordinates, duration / n
         states: dict[str, Any] = {
@@ -61,14 +61,14 @@ class Nodes:
         return cls(table, x0.t, h, **states, acc_K=np.zeros((n, table.n_vK)))
 
     @classmethod
-    def of_input(
+    def from_input(
         cls, marionette: Marionette, x0: State, inputs: Input, duration: float, n: int
     ) -> Nodes:
         """The state x0 at every node, with accelerations from the velocities of an input.
 
         Beyond the input's end the driven coordinates stand still.
         """
-        nodes = cls.still(marionette, x0, duration, n)
+        nodes = cls.constant(marionette, x0, duration, n)
         bound = inputs.bound(x0.q_K, x0.t)
         times = np.clip(nodes.t, bound.start, bound.end)
         v_K = bound.evaluate(times)[1]
@@ -90,7 +90,7 @@ class Nodes:
         """Length of a tangent vector z."""
         return 2 * (self.table.n_vD + self.table.n_vK)
 
-    def moved(self, z: Array, u: Array, c: Array | None = None) -> Nodes:
+    def after_step(self, z: Array, u: Array, c: Array | None = None) -> Nodes:
         """The nodes moved by tangent vectors z (N + 1, n_z), the accelerations by u (N, n_vK).
 
         c[0] is added to the length of every interval, the rest of c to the parameters.
@@ -109,48 +109,50 @@ class Nodes:
             run=None,
         )
 
-    def changed_states(self, z: Array, first: int = 0) -> tuple[Array, Array, Array, Array]:
+    def perturbed_states(self, z: Array, node_offset: int = 0) -> tuple[Array, Array, Array, Array]:
         """(n, N, ...) q_D, v_D, q_K, v_K of N nodes, changed by n tangent vectors.
 
         Args:
             z: (n, n_z) changes, each of all nodes.
-            first: 0 for the nodes at which intervals begin, 1 for those at which they end.
+            node_offset: 0 for the nodes at which intervals begin, 1 for those at which they end.
         """
-        t, rows = self.table, slice(first, first + len(self))
+        table, rows = self.table, slice(node_offset, node_offset + len(self))
         dq_D, dv_D, dq_K, dv_K = np.split(z[:, None], self.splits, axis=2)
         return (
-            tangent.moved(t.scalars_D, t.quaternions_D, self.q_D[rows], dq_D),
+            tangent.moved(table.scalars_D, table.quaternions_D, self.q_D[rows], dq_D),
             self.v_D[rows] + dv_D,
-            tangent.moved(t.scalars_K, t.quaternions_K, self.q_K[rows], dq_K),
+            tangent.moved(table.scalars_K, table.quaternions_K, self.q_K[rows], dq_K),
             self.v_K[rows] + dv_K,
         )
 
-    def between(self, q_D: Array, v_D: Array, q_K: Array, v_K: Array, first: int = 1) -> Array:
-        """(N + 1 - first, n_z) changes from the nodes, from `first` on, to these states."""
-        t, n, k = self.table, self.table.n_vD, self.table.n_vK
-        dq_D = tangent.between(t.scalars_D, t.quaternions_D, self.q_D[first:], q_D, n)
-        dq_K = tangent.between(t.scalars_K, t.quaternions_K, self.q_K[first:], q_K, k)
-        parts = [dq_D, v_D - self.v_D[first:], dq_K, v_K - self.v_K[first:]]
+    def changes_to(
+        self, q_D: Array, v_D: Array, q_K: Array, v_K: Array, first_node: int = 1
+    ) -> Array:
+        """(N + 1 - first_node, n_z) changes from the nodes from `first_node` on to these states."""
+        table, n, k = self.table, self.table.n_vD, self.table.n_vK
+        dq_D = tangent.between(table.scalars_D, table.quaternions_D, self.q_D[first_node:], q_D, n)
+        dq_K = tangent.between(table.scalars_K, table.quaternions_K, self.q_K[first_node:], q_K, k)
+        parts = [dq_D, v_D - self.v_D[first_node:], dq_K, v_K - self.v_K[first_node:]]
         return np.concatenate(parts, axis=1)
 
-    def change_to(self, x: State) -> Array:
+    def end_change_to(self, x: State) -> Array:
         """(n_z,) change from the last node to a state."""
         parts = (np.asarray(a)[None] for a in (x.q_D, x.v_D, x.q_K, x.v_K))
         q_D, v_D, q_K, v_K = parts
-        return np.asarray(self.between(q_D, v_D, q_K, v_K, first=len(self))[0])
+        return np.asarray(self.changes_to(q_D, v_D, q_K, v_K, first_node=len(self))[0])
 
     @property
-    def numbers(self) -> Array:
+    def scalars(self) -> Array:
         """(N + 1, n_z) scalar coordinates and velocities in the order of z; 0 for rotations."""
-        t = self.table
-        n, k = t.n_vD, t.n_vK
-        numbers = np.zeros((len(self) + 1, self.n_z))
-        for q, v in t.scalars_D:
-            numbers[:, v] = self.q_D[:, q]
-        for q, v in t.scalars_K:
-            numbers[:, 2 * n + v] = self.q_K[:, q]
-        numbers[:, n : 2 * n], numbers[:, 2 * n + k :] = self.v_D, self.v_K
-        return numbers
+        table = self.table
+        n, k = table.n_vD, table.n_vK
+        scalars = np.zeros((len(self) + 1, self.n_z))
+        for q, v in table.scalars_D:
+            scalars[:, v] = self.q_D[:, q]
+        for q, v in table.scalars_K:
+            scalars[:, 2 * n + v] = self.q_K[:, q]
+        scalars[:, n : 2 * n], scalars[:, 2 * n + k :] = self.v_D, self.v_K
+        return scalars
 
     @property
     def splits(self) -> list[int]:
@@ -162,12 +164,12 @@ class Nodes:
         """The motion of the driven coordinates."""
         return Input.segments(self.table, self.t, self.q_K[0], self.v_K[0], self.acc_K)
 
-    def refined(self, parts: int) -> Nodes:
+    def refined(self, factor: int) -> Nodes:
         """The same accelerations in shorter intervals; new nodes repeat the previous state."""
-        index = np.append(np.repeat(np.arange(len(self)), parts), len(self))
+        index = np.append(np.repeat(np.arange(len(self)), factor), len(self))
         states = {name: getattr(self, name)[index] for name in ("q_D", "v_D", "q_K", "v_K")}
-        acc_K = np.repeat(self.acc_K, parts, axis=0)
-        interval = self.interval / parts
+        acc_K = np.repeat(self.acc_K, factor, axis=0)
+        interval = self.interval / factor
         return replace(self, interval=interval, acc_K=acc_K, run=None, **states)
 
 

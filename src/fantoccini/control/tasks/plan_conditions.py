@@ -73,7 +73,7 @@ class RolloutOptions:
         return self.n_checks * self.interval
 
 
-def whole_checks(segment: float, interval: float) -> int:
+def check_count(segment: float, interval: float) -> int:
     """Number of checks in a segment; both arguments are durations [s].
 
     Raises:

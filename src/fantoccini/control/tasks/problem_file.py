@@ -25,11 +25,11 @@ from fantoccini.base.documents import (
     entries,
     mistake,
 )
-from fantoccini.control.tasks.bounds import Bounds, Magnitudes, by_driven
+from fantoccini.control.tasks.bounds import Bounds, Magnitudes, resolve_driven
 from fantoccini.control.tasks.control_file import ControlFile, Reading, check_one_of
 from fantoccini.control.tasks.driven_bounds import DrivenBounds
 from fantoccini.control.tasks.goals import Goal
-from fantoccini.control.tasks.plan_conditions import PlanConditions, RolloutOptions, whole_checks
+from fantoccini.control.tasks.plan_conditions import PlanConditions, RolloutOptions, check_count
 from fantoccini.control.tasks.schema import Duration
 from fantoccini.control.tasks.task import Task
 from fantoccini.control.tasks.touches import touching
@@ -54,7 +54,7 @@ class PointGoal(Model):
     """The highest corner [m]."""
 
     @model_validator(mode="after")
-    def _has_place(self) -> PointGoal:
+    def _check_place(self) -> PointGoal:
         check_one_of(self, "place", "by")
         if self.by is not None and (self.to is not None or any(self.at)):
             raise mistake("found `by` with `at` or `to`, which are for `place`")
@@ -166,11 +166,14 @@ def task_of_problem(reading: Reading[ProblemFile]) -> Task:
         clearance=file.margin,
         own_body=file.self_collision,
     )
-    parts: list[tuple[tuple[str, ...], Bounds]] = [(("speed",), Bounds(speed=file.speed))]
-    parts += [(("acceleration",), Bounds(acceleration=file.acceleration))]
-    parts += [(("ranges", key), Bounds({key: span})) for key, span in file.ranges.items()]
-    for key_path, part in parts:
-        check(key_path, lambda part=part: DrivenBounds.of(marionette, part))
+    partial_bounds: list[tuple[tuple[str, ...], Bounds]] = [(("speed",), Bounds(speed=file.speed))]
+    partial_bounds += [(("acceleration",), Bounds(acceleration=file.acceleration))]
+    partial_bounds += [(("ranges", key), Bounds({key: span})) for key, span in file.ranges.items()]
+    for key_path, bounds_of_key in partial_bounds:
+        check(
+            key_path,
+            lambda bounds_of_key=bounds_of_key: DrivenBounds.from_bounds(marionette, bounds_of_key),
+        )
     check(("reserve",), lambda: RolloutOptions(reserve=file.reserve))
     n_checks = check(("segment",), lambda: _n_checks(file.segment))
     check.refuse()
@@ -211,14 +214,14 @@ def _all_named(marionette: Marionette, bound: Magnitudes, kind: str) -> Magnitud
     if not isinstance(bound, Mapping):
         return bound
     names = marionette.coordinates.q_K
-    named = by_driven(marionette.coordinates, names, bound, kind)
+    named = resolve_driven(marionette.coordinates, names, bound, kind)
     return {**bound, **{name: 0.0 for k, name in enumerate(names) if k not in named}}
 
 
 def _n_checks(segment: float | None) -> int:
     """Number of checks in a segment of this duration [s], or in a default one."""
     defaults = RolloutOptions()
-    return defaults.n_checks if segment is None else whole_checks(segment, defaults.interval)
+    return defaults.n_checks if segment is None else check_count(segment, defaults.interval)
 
 
 def _check_touches(reading: Reading[ProblemFile]) -> None:
@@ -231,8 +234,8 @@ def _check_touches(reading: Reading[ProblemFile]) -> None:
         ]
     entries_to_check += [(("goal", "touch", k), pair) for k, pair in enumerate(file.goal.touch)]
     if file.goal.stand is not None:
-        on = file.goal.stand.on
-        entries_to_check += [(("goal", "stand", "on", k), pair) for k, pair in enumerate(on)]
+        pairs = file.goal.stand.on
+        entries_to_check += [(("goal", "stand", "on", k), pair) for k, pair in enumerate(pairs)]
     solids = (o for o in file.obstacles if not isinstance(o, HalfSpace))
     marionette_with_obstacles = (
         marionette.with_obstacles((*marionette.puppet.obstacles, *solids))
@@ -269,14 +272,16 @@ def _goal_without_touches(reading: Reading[ProblemFile], start: State) -> Goal |
     }
     pose, point, weights = file.pose, file.point, file.weights
     if point is not None and pose is not None:
-        reading.note(("goal",), "found both a pose and a point; needed: one")
+        reading.add_mistake(("goal",), "found both a pose and a point; needed: one")
         return None
     if point is not None:
-        return check(("goal", "point"), lambda: _point(point, marionette, start, speed_weights))
+        return check(
+            ("goal", "point"), lambda: _point_goal(point, marionette, start, speed_weights)
+        )
     if pose is None:
         if not file.touch and file.stand is None:
             text = "found neither a pose nor a point, touch or stand; needed: one of them"
-            reading.note(("goal",), text)
+            reading.add_mistake(("goal",), text)
             return None
         return check(("goal",), lambda: Goal.touch(marionette, (), pose=None, **speed_weights))
     goals = [
@@ -299,10 +304,10 @@ def _goal_without_touches(reading: Reading[ProblemFile], start: State) -> Goal |
     return check(("goal",), lambda: Goal.pose(marionette, pose, weights=weights, **speed_weights))
 
 
-def _point(
+def _point_goal(
     point: PointGoal, marionette: Marionette, start: State, weight: dict[str, float]
 ) -> Goal:
     if point.by is not None:
-        return Goal.moved(marionette, point.body, point.by, start, **weight)
+        return Goal.displaced(marionette, point.body, point.by, start, **weight)
     assert point.place is not None  # otherwise a mistake was reported
     return Goal.point(marionette, point.body, point.place, at=point.at, to=point.to, **weight)

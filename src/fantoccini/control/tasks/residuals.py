@@ -40,12 +40,12 @@ class NodeKinematics:
         poses = self._screws[0][:, link]
         return poses[:, :9].reshape(-1, 3, 3).swapaxes(1, 2), poses[:, 9:]
 
-    def twist_by(self, link: int) -> Array:
+    def twist_jacobian(self, link: int) -> Array:
         """(N + 1, 6, n_z) derivative of a link's displacement twist about the world's origin."""
         table = self.marionette.coordinates
         n, k = table.n_vD, table.n_vK
-        moved = relations(self.marionette.tree)[0][link]
-        screws = (self._screws[1] * moved[:, None]).swapaxes(1, 2)
+        is_moved = relations(self.marionette.tree)[0][link]
+        screws = (self._screws[1] * is_moved[:, None]).swapaxes(1, 2)
         twist = np.zeros((len(screws), 6, 2 * (n + k)))
         twist[:, :, :n], twist[:, :, 2 * n : 2 * n + k] = screws[..., :n], screws[..., n:]
         return twist
@@ -78,13 +78,13 @@ class PointResidual:
     path: Array
 
     def value(self, kinematics: NodeKinematics) -> Array:
-        return self._place(kinematics) - self.path
+        return self._position(kinematics) - self.path
 
     def derivatives(self, kinematics: NodeKinematics) -> Array:
-        twist, place = kinematics.twist_by(self.link), self._place(kinematics)
-        return twist[:, :3] - rotation.skew(place) @ twist[:, 3:]
+        twist, position = kinematics.twist_jacobian(self.link), self._position(kinematics)
+        return twist[:, :3] - rotation.skew(position) @ twist[:, 3:]
 
-    def _place(self, kinematics: NodeKinematics) -> Array:
+    def _position(self, kinematics: NodeKinematics) -> Array:
         R, origin = kinematics.pose(self.link)
         return origin + R @ self.at
 
@@ -98,29 +98,29 @@ class OrientationResidual:
     path: Array
 
     def value(self, kinematics: NodeKinematics) -> Array:
-        return rotation.log(rotation.quaternion(self._off(kinematics)))
+        return rotation.log(rotation.quaternion(self._rotation_error(kinematics)))
 
     def derivatives(self, kinematics: NodeKinematics) -> Array:
         r, R = self.value(kinematics), kinematics.pose(self.link)[0]
-        turn = R.swapaxes(1, 2) @ kinematics.twist_by(self.link)[:, 3:]
-        return rotation.right_jacobian_inverse(r) @ turn
+        body_rotation = R.swapaxes(1, 2) @ kinematics.twist_jacobian(self.link)[:, 3:]
+        return rotation.right_jacobian_inverse(r) @ body_rotation
 
-    def _off(self, kinematics: NodeKinematics) -> Array:
+    def _rotation_error(self, kinematics: NodeKinematics) -> Array:
         return rotation.matrix(self.path).swapaxes(1, 2) @ kinematics.pose(self.link)[0]
 
 
 @dataclass(frozen=True, eq=False)
-class NumberResidual:
+class ScalarResidual:
     """r = numbers of the states minus their paths."""
 
     weights: Array
-    part: str
-    places: list[int]
+    field: str
+    indices: list[int]
     columns: list[int]
     path: Array
 
     def value(self, kinematics: NodeKinematics) -> Array:
-        numbers: Array = getattr(kinematics.nodes, self.part)[:, self.places]
+        numbers: Array = getattr(kinematics.nodes, self.field)[:, self.indices]
         return numbers - self.path
 
     def derivatives(self, kinematics: NodeKinematics) -> Array:
@@ -129,7 +129,7 @@ class NumberResidual:
         return derivatives
 
 
-def residual_of(marionette: Marionette, track: Track, nodes: Nodes) -> Residual:
+def track_residual(marionette: Marionette, track: Track, nodes: Nodes) -> Residual:
     """The residual of a track at the nodes of a motion.
 
     Raises:
@@ -138,24 +138,24 @@ def residual_of(marionette: Marionette, track: Track, nodes: Nodes) -> Residual:
     t, N = nodes.t, len(nodes)
     spans = np.full(N + 1, nodes.interval)
     spans[[0, -1]] *= 0.5
-    weights = track.weight * spans * share(track, t)
+    weights = track.weight * spans * active_fraction(track, t)
     weights[-1] += track.end_weight
     if track.kind == "point":
         link = marionette.link_index(track.name)
-        path = path_of(marionette, track, t)
+        path = track_path(marionette, track, t)
         return PointResidual(weights, link, np.array(track.at), path)
     if track.kind == "orientation":
         link = marionette.link_index(track.name)
-        path = path_of(marionette, track, t)
+        path = track_path(marionette, track, t)
         if np.any(np.linalg.norm(path, axis=1) < 0.5):
             raise StateError(f"the path of {track.name}: needed: unit quaternions w, x, y, z")
         return OrientationResidual(weights, link, rotation.normalised(path))
-    part, places, columns = _numbers(marionette, track)
-    path = path_of(marionette, track, t)
-    return NumberResidual(weights, part, places, columns, path)
+    field, indices, columns = _numbers(marionette, track)
+    path = track_path(marionette, track, t)
+    return ScalarResidual(weights, field, indices, columns, path)
 
 
-def path_of(marionette: Marionette, track: Track, t: Times) -> Array:
+def track_path(marionette: Marionette, track: Track, t: Times) -> Array:
     """(len(t), width) the path of a track at given times.
 
     Raises:
@@ -167,7 +167,7 @@ def path_of(marionette: Marionette, track: Track, t: Times) -> Array:
     return values_at(f"the path of {track.name}", track.path, t, width)
 
 
-def share(track: Track, t: Times) -> Array:
+def active_fraction(track: Track, t: Times) -> Array:
     """(n,) 1 at times at which a track counts, 1/2 at its start and end inside the motion, else 0.
 
     Raises:
@@ -186,20 +186,20 @@ def share(track: Track, t: Times) -> Array:
 
 def _numbers(marionette: Marionette, track: Track) -> tuple[str, list[int], list[int]]:
     """Part of a state, indices into it, and columns of z."""
-    t = marionette.coordinates
-    n, k = t.n_vD, t.n_vK
+    table = marionette.coordinates
+    n, k = table.n_vD, table.n_vK
     if track.kind == "velocity":
         if track.name == "*":
             return "v_D", list(range(n)), list(range(n, 2 * n))
-        if track.name in t.v_D:
-            v = t.v_D.index(track.name)
+        if track.name in table.v_D:
+            v = table.v_D.index(track.name)
             return "v_D", [v], [n + v]
-        if track.name in t.v_K:
-            v = t.v_K.index(track.name)
+        if track.name in table.v_K:
+            v = table.v_K.index(track.name)
             return "v_K", [v], [2 * n + k + v]
-        raise UnknownNameError("velocity", track.name, [*t.v_D, *t.v_K])
-    places = {t.q_D[q]: ("q_D", [q], [v]) for q, v in t.scalars_D}
-    places |= {t.q_K[q]: ("q_K", [q], [2 * n + v]) for q, v in t.scalars_K}
-    if track.name not in places:
-        raise UnknownNameError("scalar coordinate", track.name, list(places))
-    return places[track.name]
+        raise UnknownNameError("velocity", track.name, [*table.v_D, *table.v_K])
+    targets = {table.q_D[q]: ("q_D", [q], [v]) for q, v in table.scalars_D}
+    targets |= {table.q_K[q]: ("q_K", [q], [2 * n + v]) for q, v in table.scalars_K}
+    if track.name not in targets:
+        raise UnknownNameError("scalar coordinate", track.name, list(targets))
+    return targets[track.name]

@@ -27,10 +27,10 @@ from fantoccini.base.documents import (
     sized,
 )
 from fantoccini.control.tasks.control_file import ControlFile, check_one_of
-from fantoccini.control.tasks.costs import KINDS
+from fantoccini.control.tasks.costs import TRACK_KINDS
 from fantoccini.model.puppet import WORDS
 
-PATHS = ("value", "values", "csv", "circle", "run")
+PATH_KEYS = ("value", "values", "csv", "circle", "run")
 """Keys for the path of a track, exactly one of which is given."""
 
 
@@ -49,7 +49,7 @@ class CircleFile(Model):
     """Number of turns about the axis; negative: the other way."""
 
     @model_validator(mode="after")
-    def _has_place(self) -> CircleFile:
+    def _check_place(self) -> CircleFile:
         check_one_of(self, "centre", "by")
         return self
 
@@ -107,8 +107,8 @@ class TrackFile(Model):
     """Time until which the path counts [s]."""
 
     @model_validator(mode="after")
-    def _is_one(self) -> TrackFile:
-        for label, keys in (("what follows", KINDS), ("its path", PATHS)):
+    def _check_path(self) -> TrackFile:
+        for label, keys in (("what follows", TRACK_KINDS), ("its path", PATH_KEYS)):
             names = [key for key in keys if getattr(self, key) is not None]
             if len(names) != 1:
                 text = " and ".join(names) or "none"
@@ -128,7 +128,7 @@ class TrackFile(Model):
     @property
     def kind(self) -> str:
         """The key of the quantity that follows the path."""
-        return next(key for key in KINDS if getattr(self, key) is not None)
+        return next(key for key in TRACK_KINDS if getattr(self, key) is not None)
 
 
 class TouchFile(Model):
@@ -148,7 +148,7 @@ class TouchFile(Model):
     """Whether it comes no earlier than the previous touch."""
 
     @model_validator(mode="after")
-    def _has_place(self) -> TouchFile:
+    def _check_place(self) -> TouchFile:
         check_one_of(self, "place", "by")
         return self
 
@@ -162,10 +162,10 @@ class SmoothFile(Model):
     """Weight of their rates [s^6/m^2]."""
 
 
-End = Annotated[Angle | None, SIZED]
+IntervalEnd = Annotated[Angle | None, SIZED]
 """An end of an interval; null for no limit."""
-Span = Annotated[tuple[End, End], sized(2)]
-Between = Annotated[tuple[Annotated[Angle, SIZED], Annotated[Angle, SIZED]], sized(2)]
+Span = Annotated[tuple[IntervalEnd, IntervalEnd], sized(2)]
+ParameterInterval = Annotated[tuple[Annotated[Angle, SIZED], Annotated[Angle, SIZED]], sized(2)]
 Magnitudes = Real | dict[str, Real] | None
 
 
@@ -200,12 +200,14 @@ class BoundsFile(Model):
 
 def _duration(value: Any) -> Any:
     """A positive number, or two of them in ascending order."""
-    ends = [read_real(end) for end in (value if isinstance(value, (list, tuple)) else [value])]
-    if len(ends) > 2 or not ends or min(ends) <= 0.0:
+    limits = [read_real(end) for end in (value if isinstance(value, (list, tuple)) else [value])]
+    if len(limits) > 2 or not limits or min(limits) <= 0.0:
         raise mistake(f"found {shown(value)}; needed: a positive number, or [shortest, longest]")
-    if ends[0] > ends[-1]:
-        raise mistake(f"found {ends[0]:g} before {ends[1]:g}; the first is the shortest duration")
-    return ends[0] if len(ends) == 1 else tuple(ends)
+    if limits[0] > limits[-1]:
+        raise mistake(
+            f"found {limits[0]:g} before {limits[1]:g}; the first is the shortest duration"
+        )
+    return limits[0] if len(limits) == 1 else tuple(limits)
 
 
 Duration = Annotated[
@@ -244,7 +246,7 @@ class TaskFile(ControlFile):
     """Weights of accelerations and their rates."""
     bounds: BoundsFile = BoundsFile()
     """Bounds of the motion."""
-    parameters: dict[str, Between] = Field(default_factory=dict)
+    parameters: dict[str, ParameterInterval] = Field(default_factory=dict)
     """Parameter of the puppet -> [low, high]; it is chosen along with the motion."""
     guess: str | None = None
     """A performance file in the same folder: the initial guess of the motion."""
@@ -260,7 +262,7 @@ class TaskFile(ControlFile):
     """Longest time step of the derivatives [s]."""
 
     @model_validator(mode="after")
-    def _ends_once(self) -> TaskFile:
+    def _check_end(self) -> TaskFile:
         if self.end is not None and self.periodic is not None:
             raise mistake("found both `end` and `periodic`; needed: one of them at most")
         return self

@@ -22,15 +22,15 @@ class Circle:
     """A circle as a function of time, starting at its point nearest to a given place.
 
     Attributes:
-        centre, first, second: (3,) centre, and unit vectors of the plane's axes [m, 1, 1].
+        centre, e_1, e_2: (3,) centre, and unit vectors of the plane's axes [m, 1, 1].
         radius: radius [m].
         turns: number of turns; negative: the other way about the normal.
         start, end: times at which it begins and ends [s]; it rests before and after.
     """
 
     centre: Array
-    first: Array
-    second: Array
+    e_1: Array
+    e_2: Array
     radius: float
     turns: float
     start: float
@@ -65,13 +65,13 @@ class Circle:
                 "the point starts on the circle's axis; needed: a centre beside it, in the "
                 "circle's plane"
             )
-        first = offset / distance
+        e_1 = offset / distance
         radius = distance if radius is None else radius
-        return cls(centre, first, np.cross(normal, first), radius, turns, start, end)
+        return cls(centre, e_1, np.cross(normal, e_1), radius, turns, start, end)
 
     def __call__(self, t: float) -> Array:
         """(3,) the position at a time [m]."""
         s = np.clip((t - self.start) / (self.end - self.start), 0.0, 1.0)
         phi = 2.0 * np.pi * self.turns * polynomial.minimum_jerk(s)[0]
-        direction = np.cos(phi) * self.first + np.sin(phi) * self.second
+        direction = np.cos(phi) * self.e_1 + np.sin(phi) * self.e_2
         return np.asarray(self.centre + self.radius * direction)

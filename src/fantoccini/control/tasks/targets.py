@@ -16,11 +16,11 @@ Target: TypeAlias = Values | Clip
 """The same, or a clip of a run."""
 
 
-def values_at(what: str, target: Values, t: Times, width: int) -> Array:
+def values_at(label: str, target: Values, t: Times, width: int) -> Array:
     """(len(t), width) values of a target: linear between samples, constant beyond them.
 
     Args:
-        what: name of the target, for errors.
+        label: name of the target, for errors.
         target: see :data:`Values`.
         t: times [s].
         width: length of one value.
@@ -35,7 +35,7 @@ def values_at(what: str, target: Values, t: Times, width: int) -> Array:
         values = values.reshape(len(values), -1)
         if len(times) != len(values) or len(times) == 0 or np.any(np.diff(times) <= 0.0):
             raise StateError(
-                f"{what}: {len(times)} times and {len(values)} values; needed: as many rising "
+                f"{label}: {len(times)} times and {len(values)} values; needed: as many rising "
                 "times as values"
             )
         rows = np.stack([np.interp(t, times, column) for column in values.T], axis=1)
@@ -43,7 +43,7 @@ def values_at(what: str, target: Values, t: Times, width: int) -> Array:
         rows = np.repeat(np.asarray(target, float).reshape(1, -1), len(t), axis=0)
     if rows.ndim != 2 or rows.shape[1] != width or not np.all(np.isfinite(rows)):
         raise StateError(
-            f"{what}: the target has values of {rows.shape[-1]} numbers; needed: {width} finite "
+            f"{label}: the target has values of {rows.shape[-1]} numbers; needed: {width} finite "
             f"number{'s' if width > 1 else ''}"
         )
     return rows

@@ -134,7 +134,7 @@ class Task:
         if isinstance(self.end, State):
             self.marionette.check_state(self.end)
         if self.periodic is not None:
-            moved(self.marionette, self.x0, self.periodic)
+            displaced(self.marionette, self.x0, self.periodic)
 
     def _check_duration(self) -> None:
         """Raises StateError or ValueError for an invalid duration."""
@@ -156,9 +156,9 @@ class Task:
         """
         table = self.marionette.coordinates
         if self.periodic is not None:
-            return End.whole(table, moved(self.marionette, self.x0, self.periodic))
+            return End.full_state(table, displaced(self.marionette, self.x0, self.periodic))
         if isinstance(self.end, State):
-            return End.whole(table, self.end)
+            return End.full_state(table, self.end)
         if isinstance(self.end, (Goal, Mapping)):
             return End.of_goal(Goal.of(self.marionette, self.end), self.x0)
         return None
@@ -206,19 +206,19 @@ class Task:
         return max(1, math.ceil(self.durations[1] / self.interval - 1e-9))
 
 
-def moved(marionette: Marionette, x: State, displacements: Mapping[str, float]) -> State:
+def displaced(marionette: Marionette, x: State, displacements: Mapping[str, float]) -> State:
     """The state with scalar coordinates, dynamic or driven, displaced [m or rad].
 
     Raises:
         UnknownNameError: name that is not a scalar coordinate.
     """
-    t = marionette.coordinates
+    table = marionette.coordinates
     q_D, q_K = np.array(x.q_D), np.array(x.q_K)
-    places = {t.q_D[q]: (q_D, q) for q, _ in t.scalars_D}
-    places |= {t.q_K[q]: (q_K, q) for q, _ in t.scalars_K}
+    coordinates = {table.q_D[q]: (q_D, q) for q, _ in table.scalars_D}
+    coordinates |= {table.q_K[q]: (q_K, q) for q, _ in table.scalars_K}
     for name, displacement in displacements.items():
-        if name not in places:
-            raise UnknownNameError("scalar coordinate", name, list(places))
-        q, index = places[name]
+        if name not in coordinates:
+            raise UnknownNameError("scalar coordinate", name, list(coordinates))
+        q, index = coordinates[name]
         q[index] += displacement
     return x.replace(q_D=q_D, q_K=q_K)

@@ -19,11 +19,11 @@ from fantoccini.control.tasks.costs import Smooth, Track
 from fantoccini.control.tasks.ends import End
 from fantoccini.control.tasks.nodes import Nodes
 from fantoccini.control.tasks.plan_conditions import PlanConditions
-from fantoccini.control.tasks.residuals import residual_of
+from fantoccini.control.tasks.residuals import track_residual
 from fantoccini.control.tasks.schema import CircleFile, RunFile, TaskFile, TouchFile, TrackFile
 from fantoccini.control.tasks.shapes import Circle
 from fantoccini.control.tasks.targets import Target
-from fantoccini.control.tasks.task import Task, moved
+from fantoccini.control.tasks.task import Task, displaced
 from fantoccini.control.tasks.touch import Touch, check_windows
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import Input, State, Trajectory, csv_columns
@@ -44,7 +44,7 @@ def task_of_file(reading: Reading[TaskFile]) -> Task:
         FileError: all mistakes with their locations.
     """
     file, marionette, check = reading.file, reading.marionette, reading.check
-    reading.states("end", file.end or {})
+    reading.check_values("end", file.end or {})
     _check_intervals(reading)
     _check_exploring(reading)
     bounds = _bounds(reading)
@@ -58,24 +58,28 @@ def task_of_file(reading: Reading[TaskFile]) -> Task:
             ("parameters", name),
             lambda interval={name: span}: ChosenParameters(marionette, x0, interval),
         )
-    reader = _Reader(reading, x0)
-    tracks = [reader.track(track, ("tracks", i)) for i, track in enumerate(file.tracks)]
-    touches = [reader.touch(touch, ("touches", i)) for i, touch in enumerate(file.touches)]
+    track_reader = _TrackReader(reading, x0)
+    tracks = [track_reader.track(track, ("tracks", i)) for i, track in enumerate(file.tracks)]
+    touches = [track_reader.touch(touch, ("touches", i)) for i, touch in enumerate(file.touches)]
     check.refuse()
     end = None
     if file.end is not None:
         goal = {**file.start, **file.end}
         end = check.need(("end",), lambda: marionette.rest(goal))
-        required_end = End.whole(marionette.coordinates, end)
+        required_end = End.full_state(marionette.coordinates, end)
         check(("end",), lambda: bounds.check_end(marionette, x0, required_end))
     for key, displacement in (file.periodic or {}).items():
         check(
             ("periodic", key),
-            lambda key=key, displacement=displacement: moved(marionette, x0, {key: displacement}),
+            lambda key=key, displacement=displacement: displaced(
+                marionette, x0, {key: displacement}
+            ),
         )
     check.refuse()
     if displacements := file.periodic:
-        periodic_end = End.whole(marionette.coordinates, moved(marionette, x0, displacements))
+        periodic_end = End.full_state(
+            marionette.coordinates, displaced(marionette, x0, displacements)
+        )
         check(("periodic",), lambda: bounds.check_end(marionette, x0, periodic_end))
     if not file.parameters:
         check(("bounds", "held"), lambda: bounds.check_moves(marionette))
@@ -123,7 +127,7 @@ def _in_same_folder(located: Located, name: str) -> Path:
     return path
 
 
-class _Reader:
+class _TrackReader:
     """Converts the tracks and touches of a file.
 
     Args:
@@ -155,14 +159,17 @@ class _Reader:
             end,
         )
         if file.kind != "tension":  # its path is checked by the width of its values
-            resting = Nodes.still(self._marionette, self._x0, 1.0, 1)
-            if self._check(location, lambda: residual_of(self._marionette, track, resting)) is None:
+            nodes = Nodes.constant(self._marionette, self._x0, 1.0, 1)
+            if (
+                self._check(location, lambda: track_residual(self._marionette, track, nodes))
+                is None
+            ):
                 return None
         return track
 
     def touch(self, file: TouchFile, location: Location) -> Touch | None:
         """The touch; None if it has mistakes."""
-        place = self._check((*location, "point"), lambda: self._place(file.point, file.at))
+        place = self._check((*location, "point"), lambda: self._position(file.point, file.at))
         if place is None:
             return None
         target = place + np.array(file.by) if file.place is None else np.array(file.place)
@@ -180,7 +187,7 @@ class _Reader:
         check_windows([*self._touches, touch], self._x0.t, end)
         return touch
 
-    def _place(self, body: str, at: tuple[float, ...]) -> Array:
+    def _position(self, body: str, at: tuple[float, ...]) -> Array:
         """(3,) the position of a point of a body at the start."""
         link = self._marionette.link_index(body)
         pose = self._marionette.poses(self._x0.q_D[None], self._x0.q_K[None])[0, link]
@@ -197,7 +204,7 @@ class _Reader:
             return check((*location, "csv"), lambda: self._csv(kind, name))
         if file.run is not None:
             clip = file.run
-            return check((*location, "run"), lambda: self._run(file, clip))
+            return check((*location, "run"), lambda: self._clip(file, clip))
         if file.values is None:
             return check((*location, "value"), lambda: _number(kind, file.value))
         values = [
@@ -220,12 +227,12 @@ class _Reader:
         end = file.end if file.end is not None else x0.t + float(np.max(self._duration))
         if end <= start:
             raise StateError(f"it would end at {end:g} s, before its start at {start:g} s")
-        place = self._place(getattr(file, file.kind), file.at)
+        place = self._position(getattr(file, file.kind), file.at)
         centre = place + np.array(circle.by) if circle.centre is None else np.array(circle.centre)
         normal = np.array(circle.normal)
         return Circle.near(place, centre, normal, circle.radius, circle.turns, start, end)
 
-    def _run(self, file: TrackFile, section: RunFile) -> Clip:
+    def _clip(self, file: TrackFile, section: RunFile) -> Clip:
         run = Trajectory.load(_in_same_folder(self._located, section.file))
         clip = Clip(run, section.of, section.begin, section.speed, section.by)
         start_time = np.array([self._x0.t])
@@ -234,15 +241,15 @@ class _Reader:
 
     def _csv(self, kind: str, name: str) -> tuple[Array, Array]:
         columns, _ = csv_columns(_in_same_folder(self._located, name))
-        needed = ("t", *_COLUMNS.get(kind, ("value",)))
-        for column in needed:
+        required_columns = ("t", *_COLUMNS.get(kind, ("value",)))
+        for column in required_columns:
             if column not in columns:
                 known_names = ", ".join(columns)
                 raise StateError(f"{name} has no column {column}; found: {known_names}")
-        if unknown := [column for column in columns if column not in needed]:
-            hint = nearest(unknown[0], needed)
+        if unknown := [column for column in columns if column not in required_columns]:
+            hint = nearest(unknown[0], required_columns)
             raise StateError(f"{name} has the column {shown(unknown[0])}{hint}")
-        values = np.stack([columns[column] for column in needed[1:]], axis=1)
+        values = np.stack([columns[column] for column in required_columns[1:]], axis=1)
         if not np.all(np.isfinite(values)):
             raise StateError(f"{name} has a number that is not finite")
         times = _times(tuple(columns["t"].tolist()), len(values))
@@ -257,8 +264,8 @@ def _number(kind: str, value: float | tuple[float, ...] | None) -> Array:
         return np.array(rotation_vector_quaternion(tuple(numbers)))
     width = len(_COLUMNS.get(kind, ("value",)))
     if len(numbers) != width:
-        needed = {3: "3 numbers", 4: "a quaternion or a rotation vector"}.get(width, "a number")
-        raise StateError(f"found {shown(value)}; needed: {needed}")
+        allowed = {3: "3 numbers", 4: "a quaternion or a rotation vector"}.get(width, "a number")
+        raise StateError(f"found {shown(value)}; needed: {allowed}")
     return numbers
 
 
@@ -266,12 +273,12 @@ def _times(times: tuple[float, ...], n: int) -> Array:
     """(n,) ascending times, checked."""
     if len(times) != n:
         raise StateError(f"found {len(times)} times for {n} values; needed: as many")
-    rising = np.array(times)
-    index = np.flatnonzero(~(np.diff(rising) > 0.0))
+    array = np.array(times)
+    index = np.flatnonzero(~(np.diff(array) > 0.0))
     if len(index):
-        a, b = rising[index[0] : index[0] + 2]
-        raise StateError(f"found {a:g} before {b:g}; needed: rising times")
-    return rising
+        earlier, later = array[index[0] : index[0] + 2]
+        raise StateError(f"found {earlier:g} before {later:g}; needed: rising times")
+    return array
 
 
 def _continuous(kind: str, values: Array) -> Array:
@@ -287,13 +294,13 @@ def _check_intervals(reading: Reading[TaskFile]) -> None:
     """Reports an interval or step that is too short."""
     file = reading.file
     longest = float(np.max(file.duration))
-    for key, whole, part in (
+    for key, total, step in (
         ("interval", longest, file.interval),
         ("step", file.interval, file.step),
     ):
-        if whole / part > _MAX_INTERVALS:
-            text = f"found {part:g}, of which there would be {whole / part:.3g}"
-            reading.note((key,), f"{text}; allowed: {_MAX_INTERVALS}")
+        if total / step > _MAX_INTERVALS:
+            text = f"found {step:g}, of which there would be {total / step:.3g}"
+            reading.add_mistake((key,), f"{text}; allowed: {_MAX_INTERVALS}")
 
 
 def _check_exploring(reading: Reading[TaskFile]) -> None:
@@ -301,7 +308,7 @@ def _check_exploring(reading: Reading[TaskFile]) -> None:
     file = reading.file
     if file.explore and not file.slack:
         text = "it searches motions with slack strings; needed: slack: true"
-        reading.note(("explore",), text)
+        reading.add_mistake(("explore",), text)
     for key, value in (
         ("parameters", file.parameters),
         ("touches", file.touches),
@@ -310,7 +317,7 @@ def _check_exploring(reading: Reading[TaskFile]) -> None:
         ("bounds.current", file.bounds.current),
     ):
         if file.explore and value:
-            reading.note(("explore",), f"it excludes {key}; needed: one of them")
+            reading.add_mistake(("explore",), f"it excludes {key}; needed: one of them")
 
 
 def _check_name(
@@ -321,9 +328,9 @@ def _check_name(
     if kind == "tension":
         check((*location, kind), lambda: Bounds(tension={name: (0.0, 1.0)}).tensions(marionette))
         return
-    resting = Nodes.still(marionette, marionette.state(), 1.0, 1)
+    nodes = Nodes.constant(marionette, marionette.state(), 1.0, 1)
     value = {"point": np.zeros(3), "orientation": np.array([1.0, 0.0, 0.0, 0.0])}.get(kind, 0.0)
-    check((*location, kind), lambda: residual_of(marionette, Track(kind, name, value), resting))
+    check((*location, kind), lambda: track_residual(marionette, Track(kind, name, value), nodes))
 
 
 def _bounds(reading: Reading[TaskFile]) -> Bounds:
@@ -333,14 +340,14 @@ def _bounds(reading: Reading[TaskFile]) -> Bounds:
     def intervals(key: str) -> dict[str, Interval]:
         section: Mapping[str, tuple[float | None, float | None]] = getattr(file, key)
         spans = {
-            name: (-math.inf if a is None else a, math.inf if b is None else b)
-            for name, (a, b) in section.items()
+            name: (-math.inf if lower is None else lower, math.inf if upper is None else upper)
+            for name, (lower, upper) in section.items()
         }
         for name, span in spans.items():
             bounds = _bounds_of(key, {name: span})
             if not span[0] < span[1]:
                 text = f"found {span[0]:g} and {span[1]:g}; the first must be less"
-                reading.note(("bounds", key, name), text)
+                reading.add_mistake(("bounds", key, name), text)
             elif key == "tension":
                 check(("bounds", key, name), lambda bounds=bounds: bounds.tensions(marionette))
             elif key == "force":

@@ -47,7 +47,7 @@ class Touch:
 
 
 @dataclass(frozen=True, eq=False)
-class Touched:
+class ClosestApproach:
     """The closest approach of a motion to a place.
 
     Attributes:

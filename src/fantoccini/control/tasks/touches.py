@@ -32,7 +32,7 @@ _MAX_GAP = 100.0
 
 
 @dataclass(frozen=True)
-class Meeting:
+class TouchEvent:
     """A touch of two parts in a run.
 
     Attributes:
@@ -53,7 +53,7 @@ class Meeting:
         return f"{' touches '.join(self.parts)} at {self.t:.3g} s with {self.speed:.2g} m/s"
 
 
-class Touches:
+class TouchRules:
     """The contact pairs of a puppet, sorted into those that may touch and those kept apart.
 
     Parts that belong to no puppet, such as props and the floor, may always touch one another. So
@@ -63,7 +63,7 @@ class Touches:
         marionette: the puppet.
         required: pairs that must touch at the goal.
         may_touch: (n_pairs,) bool, the pairs of ``marionette.contacts`` that may touch.
-        touch_of: (n_pairs,) index in ``required`` of every pair; -1 for other pairs.
+        touch_index: (n_pairs,) index in ``required`` of every pair; -1 for other pairs.
 
     Args:
         marionette: the puppet.
@@ -86,16 +86,20 @@ class Touches:
         self.marionette = marionette
         self.required = tuple(pair_of(names) for names in required)
         self.may_touch = np.zeros(len(self.names), dtype=bool)
-        self.touch_of = np.full(len(self.names), -1, dtype=np.int32)
+        self.touch_index = np.full(len(self.names), -1, dtype=np.int32)
         for pair in pairs_of(contact):
             self.may_touch |= touching(marionette, pair)
         for k, pair in enumerate(self.required):
-            selected = touching(marionette, pair)
-            self.may_touch |= selected
-            self.touch_of[selected] = k
-        for k, (a, b) in enumerate(self.names):
-            own = bool(self._bodies & {a, b}) and not self._is_foreign(a, b)
-            self.may_touch[k] |= not self._bodies & {a, b} or (own and not self_collision)
+            is_selected = touching(marionette, pair)
+            self.may_touch |= is_selected
+            self.touch_index[is_selected] = k
+        for k, (first, second) in enumerate(self.names):
+            same_puppet = bool(self._bodies & {first, second}) and not self._is_foreign(
+                first, second
+            )
+            self.may_touch[k] |= not self._bodies & {first, second} or (
+                same_puppet and not self_collision
+            )
 
     @property
     def names(self) -> tuple[tuple[str, str], ...]:
@@ -108,32 +112,34 @@ class Touches:
         return self.marionette.contacts
 
     @cached_property
-    def free(self) -> frozenset[frozenset[str]]:
+    def allowed_pairs(self) -> frozenset[frozenset[str]]:
         """The names of pairs that may touch."""
         names = [frozenset(pair) for pair in self.names]
-        forbidden = {pair for pair, may in zip(names, self.may_touch, strict=True) if not may}
+        forbidden = {
+            pair for pair, is_allowed in zip(names, self.may_touch, strict=True) if not is_allowed
+        }
         return frozenset(names) - forbidden
 
     @cached_property
     def expected(self) -> bool:
         """Whether any pair may touch, other than two bodies of one puppet."""
         return any(
-            may and (self._is_foreign(*pair) or not self._bodies & set(pair))
-            for pair, may in zip(self.names, self.may_touch, strict=True)
+            is_allowed and (self._is_foreign(*pair) or not self._bodies & set(pair))
+            for pair, is_allowed in zip(self.names, self.may_touch, strict=True)
         )
 
     def partners(self, prop: str) -> tuple[str, ...]:
         """The bodies of puppets that may touch a prop."""
-        met = {name for pair in self.free if prop in pair for name in pair}
-        return tuple(sorted(met & self._bodies))
+        names = {name for pair in self.allowed_pairs if prop in pair for name in pair}
+        return tuple(sorted(names & self._bodies))
 
     @cached_property
     def _required_contacts(self) -> tuple[Contacts, Indices] | None:
         """The required contact pairs, and the index of the touch that each belongs to."""
         if self.contacts is None or not self.required:
             return None
-        selected = self.touch_of >= 0
-        return self.contacts.subset(selected), self.touch_of[selected]
+        is_selected = self.touch_index >= 0
+        return self.contacts.subset(is_selected), self.touch_index[is_selected]
 
     def forbidden_touch(self, q_D: Array, q_K: Array) -> tuple[str, str] | None:
         """Two parts that touch at a configuration although they must not; None without any."""
@@ -162,31 +168,31 @@ class Touches:
             touch_gaps[..., k] = np.minimum(np.min(gaps[..., touch == k], axis=-1), _MAX_GAP)
         return touch_gaps
 
-    def meetings(self, run: Trajectory) -> tuple[Meeting, ...]:
+    def touch_events(self, run: Trajectory) -> tuple[TouchEvent, ...]:
         """The pairs of parts that began to touch in a run or push at its end, in order of time.
 
         Pairs within one puppet, and pairs without a puppet, are left out.
         """
         events: dict[frozenset[str], EventRecord | None] = {}
-        for event_record in run.events:
-            if event_record.kind == "touch":
-                events.setdefault(frozenset(event_record.name.split("|")), event_record)
+        for record in run.events:
+            if record.kind == "touch":
+                events.setdefault(frozenset(record.name.split("|")), record)
         if run.contact is None:
             return ()
-        end = run.contact.at(len(run) - 1)
-        for k in set(end.pair.tolist()):
-            events.setdefault(frozenset(end.names[k]), None)
-        meetings = []
+        last_contacts = run.contact.at(len(run) - 1)
+        for k in set(last_contacts.pair.tolist()):
+            events.setdefault(frozenset(last_contacts.names[k]), None)
+        touch_events = []
         for names, event in events.items():
-            a, b = (*names, *names)[:2]
-            if not self._is_foreign(a, b):
+            first, second = (*names, *names)[:2]
+            if not self._is_foreign(first, second):
                 continue
-            force = float(np.sum(end.of(a, b).normal_force))
+            force = float(np.sum(last_contacts.of(first, second).normal_force))
             t = float(run.t[0]) if event is None else event.t
             speed = 0.0 if event is None else event.speed or self._speed(run, names, event.t)
-            parts = (a, b) if a in self._bodies else (b, a)
-            meetings.append(Meeting(parts, t, speed, names in self.free, force))
-        return tuple(sorted(meetings, key=lambda event_record: event_record.t))
+            parts = (first, second) if first in self._bodies else (second, first)
+            touch_events.append(TouchEvent(parts, t, speed, names in self.allowed_pairs, force))
+        return tuple(sorted(touch_events, key=lambda touch: touch.t))
 
     def _speed(self, run: Trajectory, names: frozenset[str], t: float) -> float:
         """The closing speed of two parts by time-stepping, from their gaps in the steps before.
@@ -206,15 +212,17 @@ class Touches:
         puppet = self.marionette.puppet
         return {body.name for body in puppet.expanded().bodies} - set(puppet.props)
 
-    def _is_foreign(self, a: str, b: str) -> bool:
+    def _is_foreign(self, first: str, second: str) -> bool:
         """Whether a body of a puppet meets a part that is not its own."""
         puppet = self.marionette.puppet
-        if not self._bodies & {a, b}:
+        if not self._bodies & {first, second}:
             return False
-        return not (self._bodies >= {a, b} and puppet.member_of(a) == puppet.member_of(b))
+        return not (
+            self._bodies >= {first, second} and puppet.member_of(first) == puppet.member_of(second)
+        )
 
 
-def carried(marionette: Marionette, run: Trajectory) -> float:
+def carried_share(marionette: Marionette, run: Trajectory) -> float:
     """Share of the puppets' weight that other parts carry at the end of a run.
 
     Forces between bodies of one puppet cancel out; forces between puppets are not counted.
@@ -232,10 +240,12 @@ def carried(marionette: Marionette, run: Trajectory) -> float:
     )
     if run.contact is None or not mass * gravity_norm:
         return 0.0
-    end, up = run.contact.at(len(run) - 1), -gravity / gravity_norm
-    sides = np.array([[name in bodies for name in names] for names in end.names], dtype=int)
-    sign = (sides[:, 0] - sides[:, 1])[end.pair] if len(end) else np.zeros(0)
-    return float(np.sum(sign * (end.force @ up)) / (mass * gravity_norm))
+    last_contacts, up = run.contact.at(len(run) - 1), -gravity / gravity_norm
+    sides = np.array(
+        [[name in bodies for name in names] for names in last_contacts.names], dtype=int
+    )
+    sign = (sides[:, 0] - sides[:, 1])[last_contacts.pair] if len(last_contacts) else np.zeros(0)
+    return float(np.sum(sign * (last_contacts.force @ up)) / (mass * gravity_norm))
 
 
 def pairs_of(contact: ContactLike) -> tuple[tuple[str, str], ...]:
@@ -276,18 +286,18 @@ def touching(marionette: Marionette, pair: tuple[str, str]) -> MaskRows:
         if name not in all_names:
             raise UnknownNameError("part that may touch", name, sorted(all_names))
     first, second = pair
-    selected = np.array(
+    is_selected = np.array(
         [
             (first in sides_a and second in sides_b) or (first in sides_b and second in sides_a)
             for sides_a, sides_b in owners
         ],
         dtype=bool,
     )
-    if not np.any(selected):
+    if not np.any(is_selected):
         raise StateError(
             f"{first} and {second} never touch, by the rules of contact of {puppet.name}"
         )
-    return selected
+    return is_selected
 
 
 def pair_of(value: Any) -> tuple[str, str]:

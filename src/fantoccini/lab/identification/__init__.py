@@ -11,7 +11,12 @@ from fantoccini.lab.identification.judging import (
 )
 from fantoccini.lab.identification.record import Record, Unknown
 from fantoccini.lab.identification.record_file import load_record, record_files
-from fantoccini.lab.identification.result import OUTLIER_RESIDUAL, Combination, Identified, Outlier
+from fantoccini.lab.identification.result import (
+    OUTLIER_RESIDUAL,
+    Combination,
+    IdentificationResult,
+    Outlier,
+)
 from fantoccini.lab.identification.schema import record_schema
 from fantoccini.lab.identification.suggesting import Candidate, suggest_motion
 from fantoccini.lab.identification.unit_names import channel_units, units
@@ -20,7 +25,7 @@ __all__ = [
     "OUTLIER_RESIDUAL",
     "Candidate",
     "Combination",
-    "Identified",
+    "IdentificationResult",
     "Marker",
     "Outlier",
     "Record",

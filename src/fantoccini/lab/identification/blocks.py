@@ -26,38 +26,38 @@ class NormalEquations:
 
     Attributes:
         H: (S, m, m) blocks of the states.
-        next: (S - 1, m, m) blocks between a state and the next.
+        coupling: (S - 1, m, m) blocks between a state and the next.
         border: (S, m, P) blocks between states and parameters.
         T: (P, P) block of the parameters.
         g, h: (S, m), (P,) gradient of the cost.
     """
 
     H: Array
-    next: Array
+    coupling: Array
     border: Array
     T: Array
     g: Array
     h: Array
 
-    def step(self, damping: Array, shared: float) -> tuple[Array, Array]:
+    def step(self, damping: Array, parameter_damping: float) -> tuple[Array, Array]:
         """(S, m), (P,) the step of Levenberg and Marquardt.
 
         Args:
             damping: (S,) damping of the states.
-            shared: damping of the parameters.
+            parameter_damping: damping of the parameters.
         """
         reduced = self._reduced(damping)
-        T = self.T + shared * np.diag(np.diag(self.T))
+        T = self.T + parameter_damping * np.diag(np.diag(self.T))
         T = T - np.einsum("smp,smq->pq", self.border, reduced[..., 1:])
         h = self.h - np.einsum("smp,sm->p", self.border, reduced[..., 0])
         theta = -linalg.lstsq(T, h)[0] if len(h) else np.zeros(0)
         return -reduced[..., 0] - reduced[..., 1:] @ theta, theta
 
-    def of_states(self) -> NormalEquations:
+    def without_parameters(self) -> NormalEquations:
         """The normal equations of the states alone, with fixed parameters."""
         empty = np.zeros(0)
         return NormalEquations(
-            self.H, self.next, self.border[..., :0], empty[:, None], self.g, empty
+            self.H, self.coupling, self.border[..., :0], empty[:, None], self.g, empty
         )
 
     def information(self) -> Array:
@@ -70,28 +70,28 @@ class NormalEquations:
         """(S, m, 1 + P) the states' inverse block matrix times gradient and border."""
         S, m = self.g.shape
         damping_weights = np.repeat(1.0 / np.square(MAX_MOVE), m // 2)
-        right = np.concatenate([self.g[..., None], self.border], axis=2)
+        rhs = np.concatenate([self.g[..., None], self.border], axis=2)
         factors: list[Array] = []
         couplings: list[Array] = []
         for s in range(S):
             D = self.H[s] + damping[s] * np.diag(damping_weights)
             if s:
-                coupling = _solve_cholesky(factors[-1], self.next[s - 1])
+                coupling = _solve_cholesky(factors[-1], self.coupling[s - 1])
                 couplings.append(coupling)
-                D = D - self.next[s - 1].T @ coupling
-                right[s] -= coupling.T @ right[s - 1]
+                D = D - self.coupling[s - 1].T @ coupling
+                rhs[s] -= coupling.T @ rhs[s - 1]
             factor, info = linalg.lapack.dpotrf(D, lower=1)
             if info:
                 raise np.linalg.LinAlgError(f"the normal equations of segment {s} are singular")
             factors.append(factor)
         for s in range(S)[::-1]:
-            right[s] = _solve_cholesky(factors[s], right[s])
+            rhs[s] = _solve_cholesky(factors[s], rhs[s])
             if s < S - 1:
-                right[s] -= couplings[s] @ right[s + 1]
-        return right
+                rhs[s] -= couplings[s] @ rhs[s + 1]
+        return rhs
 
 
-def _solve_cholesky(factor: Array, right: Array) -> Array:
+def _solve_cholesky(factor: Array, rhs: Array) -> Array:
     """Solution from a Cholesky factor; calls LAPACK, as the matrices are small and many."""
-    solution: Array = linalg.lapack.dpotrs(factor, right, lower=1)[0]
+    solution: Array = linalg.lapack.dpotrs(factor, rhs, lower=1)[0]
     return solution

@@ -35,16 +35,16 @@ class ChannelValues:
 
     Attributes:
         value: (N, n_c) values.
-        by_D: (N, n_c, n_vD) derivatives by the dynamic configuration.
-        by_K: (N, n_c, n_vK) derivatives by the driven configuration.
-        by_p: (N, n_c, n_p) derivatives by parameters at fixed configurations; None if all are 0.
+        J_D: (N, n_c, n_vD) derivatives by the dynamic configuration.
+        J_K: (N, n_c, n_vK) derivatives by the driven configuration.
+        J_p: (N, n_c, n_p) derivatives by parameters at fixed configurations; None if all are 0.
         frames: (N, n_markers, 3, 3) axes of the markers' bodies.
     """
 
     value: Array
-    by_D: Array
-    by_K: Array
-    by_p: Array | None
+    J_D: Array
+    J_K: Array
+    J_p: Array | None
     frames: Array
 
 
@@ -97,33 +97,33 @@ class Channels:
         return len(self.names)
 
     @property
-    def n_places(self) -> int:
+    def n_kinematic(self) -> int:
         """Number of channels that are not tensions."""
         return len(self.names) - len(self.rows)
 
-    def evaluate(self, q_D: Array, q_K: Array, p: Array, places: Array) -> Array:
+    def evaluate(self, q_D: Array, q_K: Array, p: Array, marker_positions: Array) -> Array:
         """(N, n_c) channels at (N, n_qD) and (N, n_qK), with marker positions (n_markers, 3)."""
         marionette = self.marionette
         poses = marionette.library.evaluate("poses", q_D=q_D, q_K=q_K, p=p).poses.swapaxes(-1, -2)
         R, r = self._frames(poses)
-        points = (R @ places[..., None])[..., 0] + r
+        points = (R @ marker_positions[..., None])[..., 0] + r
         scalars = q_D[:, [q for q, _ in self._scalars]]
         return np.concatenate([points.reshape(len(q_D), 3 * len(self._links)), scalars], axis=1)
 
     def derivatives(
-        self, q_D: Array, q_K: Array, p: Array, places: Array, of_p: bool
+        self, q_D: Array, q_K: Array, p: Array, marker_positions: Array, with_parameters: bool
     ) -> ChannelValues:
-        """The channels with their derivatives, including those by parameters if ``of_p``."""
+        """The channels with their derivatives; by parameters only if ``with_parameters``."""
         marionette, N = self.marionette, len(q_D)
         n, k = marionette.coordinates.n_vD, marionette.coordinates.n_vK
         kinematics = marionette.library.evaluate("screws", q_D=q_D, q_K=q_K, p=p)
         R, r = self._frames(kinematics.poses.swapaxes(-1, -2))
-        points = (R @ places[..., None])[..., 0] + r
+        points = (R @ marker_positions[..., None])[..., 0] + r
         screws = np.concatenate([kinematics.screw_D, kinematics.screw_K], axis=-1)
-        moved_by = relations(marionette.tree)[0]
-        derivative = np.zeros((N, self.n_places, n + k))
+        is_moved_by = relations(marionette.tree)[0]
+        derivative = np.zeros((N, self.n_kinematic, n + k))
         for i, link in enumerate(self._links):
-            twist = screws * moved_by[link]
+            twist = screws * is_moved_by[link]
             rotation = np.cross(twist[:, 3:], points[:, i, :, None], axis=1)
             derivative[:, 3 * i : 3 * i + 3] = twist[:, :3] + rotation
         m = 3 * len(self._links)
@@ -131,35 +131,41 @@ class Channels:
             derivative[:, m + j, v] = 1.0
         scalars = q_D[:, [q for q, _ in self._scalars]]
         value = np.concatenate([points.reshape(N, 3 * len(self._links)), scalars], axis=1)
-        by_p = self._by_p(q_D, q_K, p, places) if of_p else None
-        return ChannelValues(value, derivative[..., :n], derivative[..., n:], by_p, R)
+        J_p = self._parameter_jacobian(q_D, q_K, p, marker_positions) if with_parameters else None
+        return ChannelValues(value, derivative[..., :n], derivative[..., n:], J_p, R)
 
     def _frames(self, poses: Array) -> tuple[Array, Array]:
         """(N, n_markers, 3, 3) axes and (N, n_markers, 3) origins of the markers' bodies."""
         frames = poses[:, self._links]
         return frames[..., :9].reshape(*frames.shape[:2], 3, 3).swapaxes(-1, -2), frames[..., 9:]
 
-    def _by_p(self, q_D: Array, q_K: Array, p: Array, places: Array) -> Array:
+    def _parameter_jacobian(
+        self, q_D: Array, q_K: Array, p: Array, marker_positions: Array
+    ) -> Array:
         """(N, n_c, n_p) derivatives by parameters, from differences of sixth order."""
-        derivative = np.zeros((len(q_D), self.n_places, len(p)))
+        derivative = np.zeros((len(q_D), self.n_kinematic, len(p)))
         for i in range(len(p)):
             step = PARAMETER_STEP * max(1.0, abs(p[i]))
             for offset, weight in zip(OFFSETS, WEIGHTS, strict=True):
-                shifted = p.copy()
-                shifted[i] += offset * step
-                derivative[..., i] += weight / step * self.evaluate(q_D, q_K, shifted, places)
+                shifted_p = p.copy()
+                shifted_p[i] += offset * step
+                derivative[..., i] += (
+                    weight / step * self.evaluate(q_D, q_K, shifted_p, marker_positions)
+                )
         return derivative
 
-    def depends(self, q_D: Array, q_K: Array, p: Array, of_p: Sequence[int]) -> bool:
+    def depend_on(self, q_D: Array, q_K: Array, p: Array, parameter_indices: Sequence[int]) -> bool:
         """Whether one of these parameters changes a channel at a fixed configuration.
 
         The position of a joint does, a mass does not.
         """
-        places = np.array([marker.at for marker in self.markers]).reshape(-1, 3)
-        base = self.evaluate(q_D[None], q_K[None], p, places)
-        for i in of_p:
-            shifted = p.copy()
-            shifted[i] += PARAMETER_STEP * max(1.0, abs(p[i]))
-            if np.any(self.evaluate(q_D[None], q_K[None], shifted, places) != base):
+        marker_positions = np.array([marker.at for marker in self.markers]).reshape(-1, 3)
+        reference = self.evaluate(q_D[None], q_K[None], p, marker_positions)
+        for i in parameter_indices:
+            shifted_p = p.copy()
+            shifted_p[i] += PARAMETER_STEP * max(1.0, abs(p[i]))
+            if np.any(
+                self.evaluate(q_D[None], q_K[None], shifted_p, marker_positions) != reference
+            ):
                 return True
         return False

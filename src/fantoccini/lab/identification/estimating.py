@@ -16,7 +16,7 @@ from fantoccini.lab.identification.cost import Cost
 from fantoccini.lab.identification.fit import Fit, continuous_point
 from fantoccini.lab.identification.reattaching import reattach
 from fantoccini.lab.identification.record import Record
-from fantoccini.lab.identification.result import Identified
+from fantoccini.lab.identification.result import IdentificationResult
 from fantoccini.lab.identification.search_point import Layout, Weights
 from fantoccini.lab.identification.searching import SearchResult, search
 
@@ -50,11 +50,11 @@ class Stage:
     final: bool = False
 
 
-DRIFT = (5e-4, 5e-3)
+DEFAULT_DRIFT = (5e-4, 5e-3)
 """Standard deviations of the jumps of configurations and velocities between segments [rad or m, and
 per second]. Time steps have errors of this size when strings come taut, so stages before the final
 one use no smaller drift."""
-THINNING = 3
+THINNING_FACTOR = 3
 """Every third sample counts, except in the final stage."""
 STAGES = (
     Stage("states near the record", 50.0, 3, 0.1, False, True),
@@ -71,10 +71,10 @@ def identify(
     *,
     segment: float = 0.25,
     dt: float = 0.005,
-    drift: tuple[float, float] = DRIFT,
+    drift: tuple[float, float] = DEFAULT_DRIFT,
     threads: int | None = None,
     progress: OnProgress | None = None,
-) -> Identified:
+) -> IdentificationResult:
     """Estimates a record's unknowns and their errors; names combinations it does not determine.
 
         min  sum rho((y_i - y(t_i - delay; x_s, theta)) / noise)
@@ -105,28 +105,31 @@ def identify(
         fit = make_fit(record, segment, dt, threads)
         positive = np.zeros(len(record.labels), dtype=bool)
         positive[: len(record.unknowns)] = [unknown.positive for unknown in record.unknowns]
-        noise = NoiseLevels.of(record)
+        noise = NoiseLevels.from_record(record)
         first_point = point = continuous_point(
             fit, record.start_state(fit.inputs, float(fit.starts[0]))
         )
         levels, result, saved_jacobians = noise.guess, None, None
-        thinned = _thin(fit)
+        thinned_fit = _thin(fit)
         for stage in STAGES:
             loose_drift = (
-                stage.drift_factor * max(drift[0], DRIFT[0]),
-                stage.drift_factor * max(drift[1], DRIFT[1]),
+                stage.drift_factor * max(drift[0], DEFAULT_DRIFT[0]),
+                stage.drift_factor * max(drift[1], DEFAULT_DRIFT[1]),
             )
             weights = Weights(levels, drift if stage.final else loose_drift, stage.final)
-            stage_fit = fit if stage.final else thinned
+            stage_fit = fit if stage.final else thinned_fit
             cost = Cost(stage_fit, first_point, weights)
             if stage.drift_factor == 1.0 and result is not None:
                 loose_cost = replace(cost, weights=replace(weights, drift=loose_drift))
-                point = reattach(replace(loose_cost, fit=thinned), result.point)
+                point = reattach(replace(loose_cost, fit=thinned_fit), result.point)
                 saved_jacobians = replace(
-                    result.saved, stale=result.saved.stale | result.point.differs(point)
+                    result.saved_jacobians,
+                    stale=result.saved_jacobians.stale | result.point.changed_segments(point),
                 )
                 # Other segments have an order of events that the puppet did not have.
-                trusted = loose_cost.explained(point, stage_fit.predict(point, extrapolated=True))
+                trusted = loose_cost.explained_segments(
+                    point, stage_fit.predict(point, extrapolated=True)
+                )
                 if stage.final:
                     well_predicted = trusted & ~result.poorly_predicted
                     trusted = (
@@ -149,25 +152,26 @@ def identify(
                 progress=stage_progress,
             )
             # A search with fixed unknowns does not check whether their derivatives still hold.
-            point, saved_jacobians = result.point, None if stage.states_only else result.saved
+            point = result.point
+            saved_jacobians = None if stage.states_only else result.saved_jacobians
             if not stage.states_only:
-                levels = noise.estimated(stage_fit, result)
+                levels = noise.estimate(stage_fit, result)
         assert result is not None
         cost = replace(cost, weights=Weights(levels, drift, final=True))
-        equations = cost.normal(point, result.predicted, fit.jacobians(point))
+        equations = cost.normal_equations(point, result.prediction, fit.jacobians(point))
         seconds = time.perf_counter() - start_time
-        return Identified.of(record, cost, result, equations, seconds)
+        return IdentificationResult.from_search(record, cost, result, equations, seconds)
 
 
 def _thin(fit: Fit) -> Fit:
     """The fit to every third row; to every third sample in columns that would keep too few."""
-    present = np.isfinite(fit.y)
-    rows = (np.arange(len(fit.y)) % THINNING == 0)[:, None] & present
-    by_column = (np.cumsum(present, axis=0) % THINNING == 1) & present
-    too_few = 2 * THINNING * np.sum(rows, axis=0) < np.sum(present, axis=0)
-    chosen = np.where(too_few, by_column, rows)
-    rows_left = np.any(chosen, axis=1)
-    return replace(fit, t=fit.t[rows_left], y=np.where(chosen, fit.y, np.nan)[rows_left])
+    is_present = np.isfinite(fit.y)
+    rows = (np.arange(len(fit.y)) % THINNING_FACTOR == 0)[:, None] & is_present
+    by_column = (np.cumsum(is_present, axis=0) % THINNING_FACTOR == 1) & is_present
+    too_few = 2 * THINNING_FACTOR * np.sum(rows, axis=0) < np.sum(is_present, axis=0)
+    is_kept = np.where(too_few, by_column, rows)
+    has_samples = np.any(is_kept, axis=1)
+    return replace(fit, t=fit.t[has_samples], y=np.where(is_kept, fit.y, np.nan)[has_samples])
 
 
 def _with_stage_name(progress: OnProgress, name: str) -> OnProgress:
@@ -190,12 +194,12 @@ def make_fit(record: Record, segment: float, dt: float, threads: int | None) -> 
         tuple(i for i, marker in enumerate(record.markers) if marker.find),
         record.find_delay,
     )
-    prior = np.full(len(record.labels), np.inf)
+    prior_std = np.full(len(record.labels), np.inf)
     for i, unknown in enumerate(record.unknowns):
         if unknown.known is not None:
-            prior[i] = unknown.known
-    present = np.any(np.isfinite(record.values), axis=1)
-    t, y = record.t[present], record.values[present]
+            prior_std[i] = unknown.known
+    has_samples = np.any(np.isfinite(record.values), axis=1)
+    t, y = record.t[has_samples], record.values[has_samples]
     time_range = (t[0] - record.delay, t[-1] - record.delay)
     return Fit(
         marionette,
@@ -206,12 +210,12 @@ def make_fit(record: Record, segment: float, dt: float, threads: int | None) -> 
         layout,
         record.initial_values,
         record.delay,
-        prior,
+        prior_std,
         segment,
         segment / max(1, round(segment / dt)),
         default_threads() if threads is None else threads,
         time_range,
-        record.channels.depends(x0.q_D, x0.q_K, p, indices),
+        record.channels.depend_on(x0.q_D, x0.q_K, p, indices),
     )
 
 
@@ -232,11 +236,11 @@ class NoiseLevels:
     groups: tuple[str, ...]
 
     @classmethod
-    def of(cls, record: Record) -> NoiseLevels:
+    def from_record(cls, record: Record) -> NoiseLevels:
         channels = record.channels
         kinds = ["marker"] * (3 * len(channels.markers))
         kinds += ["coordinate"] * len(channels.coordinates) + ["tension"] * len(channels.tensions)
-        known = np.array(
+        given = np.array(
             [
                 record.noise.get(name, record.noise.get(group, np.nan))
                 for name, group in zip(channels.names, channels.groups, strict=True)
@@ -244,20 +248,20 @@ class NoiseLevels:
         )
         guess = np.array([INITIAL_NOISE[kind] for kind in kinds])
         return cls(
-            known,
-            np.where(np.isfinite(known), np.maximum(known, guess), guess),
+            given,
+            np.where(np.isfinite(given), np.maximum(given, guess), guess),
             np.array([MIN_NOISE[kind] for kind in kinds]),
             channels.groups,
         )
 
-    def estimated(self, fit: Fit, result: SearchResult) -> Array:
+    def estimate(self, fit: Fit, result: SearchResult) -> Array:
         """(n_c,) levels from the median of the residuals, which outliers hardly change."""
-        r = np.abs(result.predicted.y - fit.y)
+        r = np.abs(result.prediction.y - fit.y)
         levels = np.empty(len(self.groups))
         for group in set(self.groups):
-            members = np.array([name == group for name in self.groups])
-            residuals = r[:, members][np.isfinite(r[:, members])]
-            levels[members] = MAD_FACTOR * np.median(residuals) if len(residuals) else np.nan
+            is_member = np.array([name == group for name in self.groups])
+            residuals = r[:, is_member][np.isfinite(r[:, is_member])]
+            levels[is_member] = MAD_FACTOR * np.median(residuals) if len(residuals) else np.nan
         levels = np.where(np.isfinite(self.given), self.given, np.maximum(levels, self.min_level))
         return np.where(np.isfinite(levels), levels, self.guess)
 

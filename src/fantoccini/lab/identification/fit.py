@@ -12,7 +12,7 @@ from fantoccini.dynamics.compiled import difference, integrate
 from fantoccini.lab.identification.channels import Channels
 from fantoccini.lab.identification.rollouts import DrivenSteps, Rollouts, differentiate, roll_out
 from fantoccini.lab.identification.row_projection import RowProjection
-from fantoccini.lab.identification.search_point import Jacobians, Layout, Point, Predicted
+from fantoccini.lab.identification.search_point import Jacobians, Layout, Point, Prediction
 from fantoccini.motion import Input, State
 
 MARGIN = 0.2513
@@ -62,7 +62,7 @@ class Fit:
     driven_steps: dict[float, DrivenSteps] = field(default_factory=dict)
 
     @property
-    def steps(self) -> int:
+    def n_steps(self) -> int:
         """Number of steps in a segment."""
         return max(1, round(self.segment / self.dt))
 
@@ -96,8 +96,8 @@ class Fit:
             -1, 3
         )
         n = self.layout.n_motion
-        estimated = theta[n : n + 3 * len(self.layout.places)].reshape(-1, 3)
-        positions[list(self.layout.places)] = estimated
+        estimated = theta[n : n + 3 * len(self.layout.marker_indices)].reshape(-1, 3)
+        positions[list(self.layout.marker_indices)] = estimated
         return positions
 
     def sample_positions(self, theta: Array, dt: float) -> tuple[Indices, Indices, Array]:
@@ -105,14 +105,16 @@ class Fit:
         starts, n = self.starts, round(self.segment / dt)
         position = (self.t - self.delay_of(theta) - starts[0]) / dt
         position = np.clip(position, 0.0, len(starts) * n - 1e-9)
-        whole = np.floor(position).astype(int)
-        return whole % n, whole // n, position - whole
+        step = np.floor(position).astype(int)
+        return step % n, step // n, position - step
 
     def driven(self, theta: Array, dt: float) -> DrivenSteps:
         """Motion of the driven coordinates in steps of dt [s]."""
         if dt not in self.driven_steps:
             n = round(self.segment / dt)
-            self.driven_steps[dt] = DrivenSteps.of(self.marionette, self.inputs, self.starts, n, dt)
+            self.driven_steps[dt] = DrivenSteps.from_inputs(
+                self.marionette, self.inputs, self.starts, n, dt
+            )
         return self.driven_steps[dt].with_offsets(self.marionette, self.offsets(theta))
 
     def segments(self, theta: Array) -> Indices:
@@ -124,225 +126,240 @@ class Fit:
         point: Point,
         *,
         extrapolated: bool = False,
-        only: MaskRows | None = None,
-        others: Predicted | None = None,
-    ) -> Predicted:
+        selected: MaskRows | None = None,
+        unselected: Prediction | None = None,
+    ) -> Prediction:
         """Predictions of a point.
 
         Args:
             point: the point.
             extrapolated: extrapolate from steps of dt/2 and dt/4 to a step length of 0
                 (Richardson).
-            only: (S,) bool, segments that are simulated; all by default.
-            others: predictions of the other segments.
+            selected: (S,) bool, segments that are simulated; all by default.
+            unselected: predictions of the other segments.
         """
         if not extrapolated:
-            return self._predict(point, self.dt, only, others)
+            return self._predict(point, self.dt, selected, unselected)
         coarse, fine = (
-            self._predict(point, factor * self.dt, only, others) for factor in (0.5, 0.25)
+            self._predict(point, factor * self.dt, selected, unselected) for factor in (0.5, 0.25)
         )
         if not (coarse.arrived and fine.arrived):
             return replace(fine, arrived=False)
-        segments = slice(None) if only is None else only
-        samples = segments if only is None else only[self.segments(point.theta)]
+        segments = slice(None) if selected is None else selected
+        samples = segments if selected is None else selected[self.segments(point.theta)]
         y, q_D, v_D = fine.y.copy(), fine.q_D.copy(), fine.v_D.copy()
-        n = self.channels.n_places
+        n = self.channels.n_kinematic
         y[samples, :n] = 2.0 * fine.y[samples, :n] - coarse.y[samples, :n]
         change = difference(self.marionette, coarse.q_D[segments], fine.q_D[segments])
         q_D[segments] = integrate(self.marionette, fine.q_D[segments], change)
         v_D[segments] = 2.0 * fine.v_D[segments] - coarse.v_D[segments]
-        return Predicted(y, q_D, v_D, True)
+        return Prediction(y, q_D, v_D, True)
 
     def _predict(
-        self, point: Point, dt: float, only: MaskRows | None, others: Predicted | None
-    ) -> Predicted:
-        chosen = _chosen(len(point.q_D), only)
-        driven, rollouts = self._rollouts(point, dt, chosen)
+        self, point: Point, dt: float, selected: MaskRows | None, unselected: Prediction | None
+    ) -> Prediction:
+        indices = _segment_indices(len(point.q_D), selected)
+        driven_steps, rollouts = self._rollouts(point, dt, indices)
         if not rollouts.arrived:
-            return Predicted(np.full(self.y.shape, np.nan), point.q_D, point.v_D, False)
-        steps, segments, fraction, samples = self._samples_in(point.theta, dt, chosen)
-        p, places = self.p(point.theta), self.marker_positions(point.theta)
-        q_D, q_K, _, _ = self._at_samples(driven, rollouts, steps, segments, fraction)
-        y = self.channels.evaluate(q_D, q_K, p, places)
+            return Prediction(np.full(self.y.shape, np.nan), point.q_D, point.v_D, False)
+        steps, segments, fraction, samples = self._samples_in(point.theta, dt, indices)
+        p, positions = self.p(point.theta), self.marker_positions(point.theta)
+        q_D, q_K, _, _ = self._at_samples(driven_steps, rollouts, steps, segments, fraction)
+        y = self.channels.evaluate(q_D, q_K, p, positions)
         tension = rollouts.tension[steps, segments][:, self.channels.rows]
         y = np.concatenate([y, tension], axis=1)
-        if others is None:
-            return Predicted(y, rollouts.q_D[-1], rollouts.v_D[-1], True)
-        predicted = Predicted(others.y.copy(), others.q_D.copy(), others.v_D.copy(), True)
-        predicted.y[samples] = y
-        predicted.q_D[chosen], predicted.v_D[chosen] = rollouts.q_D[-1], rollouts.v_D[-1]
-        return predicted
+        if unselected is None:
+            return Prediction(y, rollouts.q_D[-1], rollouts.v_D[-1], True)
+        prediction = Prediction(
+            unselected.y.copy(), unselected.q_D.copy(), unselected.v_D.copy(), True
+        )
+        prediction.y[samples] = y
+        prediction.q_D[indices], prediction.v_D[indices] = rollouts.q_D[-1], rollouts.v_D[-1]
+        return prediction
 
     def _at_samples(
         self,
-        driven: DrivenSteps,
+        driven_steps: DrivenSteps,
         rollouts: Rollouts,
         steps: Indices,
         segments: Indices,
         fraction: Array,
     ) -> tuple[Array, Array, Array, Array]:
         """(N, ...) q_D and q_K at the samples, and the changes over their steps."""
-        q_D, q_K = rollouts.q_D[steps, segments], driven.q_K[steps, segments]
+        q_D, q_K = rollouts.q_D[steps, segments], driven_steps.q_K[steps, segments]
         move_D = difference(self.marionette, q_D, rollouts.q_D[steps + 1, segments])
-        move_K = difference(self.marionette, q_K, driven.q_K[steps + 1, segments], driven=True)
+        move_K = difference(
+            self.marionette, q_K, driven_steps.q_K[steps + 1, segments], driven=True
+        )
         at_D = integrate(self.marionette, q_D, fraction[:, None] * move_D)
         at_K = integrate(self.marionette, q_K, fraction[:, None] * move_K, driven=True)
         return at_D, at_K, move_D, move_K
 
-    def _rollouts(self, point: Point, dt: float, chosen: Indices) -> tuple[DrivenSteps, Rollouts]:
+    def _rollouts(self, point: Point, dt: float, indices: Indices) -> tuple[DrivenSteps, Rollouts]:
         """The rollouts of chosen segments."""
-        driven = self.driven(point.theta, dt)
-        if len(chosen) < len(point.q_D):
-            driven = driven.subset(chosen)
-        q_D, v_D = point.q_D[chosen], point.v_D[chosen]
-        return driven, roll_out(
-            self.marionette, driven, q_D, v_D, self.p(point.theta), self.threads
+        driven_steps = self.driven(point.theta, dt)
+        if len(indices) < len(point.q_D):
+            driven_steps = driven_steps.subset(indices)
+        q_D, v_D = point.q_D[indices], point.v_D[indices]
+        return driven_steps, roll_out(
+            self.marionette, driven_steps, q_D, v_D, self.p(point.theta), self.threads
         )
 
     def _samples_in(
-        self, theta: Array, dt: float, chosen: Indices
+        self, theta: Array, dt: float, indices: Indices
     ) -> tuple[Indices, Indices, Array, Indices]:
         """Samples in chosen segments.
 
         Returns:
-            Step, index of the segment in ``chosen``, position within the step, index of the sample.
+            Step, index of the segment in ``indices``, position within the step, index of the
+            sample.
         """
         steps, segments, fraction = self.sample_positions(theta, dt)
         index = np.full(len(self.starts), -1)
-        index[chosen] = np.arange(len(chosen))
+        index[indices] = np.arange(len(indices))
         samples = np.flatnonzero(index[segments] >= 0)
         return steps[samples], index[segments[samples]], fraction[samples], samples
 
     def jacobians(
-        self, point: Point, *, only: MaskRows | None = None, others: Jacobians | None = None
+        self, point: Point, *, selected: MaskRows | None = None, unselected: Jacobians | None = None
     ) -> Jacobians:
         """Derivatives of a point's predictions, in steps of dt, or of dt/4 if those fail.
 
         Args:
             point: the point.
-            only: (S,) bool, segments whose derivatives are computed; all by default.
-            others: derivatives of the other segments; the new ones are written into it.
+            selected: (S,) bool, segments whose derivatives are computed; all by default.
+            unselected: derivatives of the other segments; the new ones are written into it.
 
         Raises:
             StateError: a segment cannot be simulated.
         """
         layout, channels, marionette, dt = self.layout, self.channels, self.marionette, self.dt
-        chosen = _chosen(len(point.q_D), only)
-        driven, rollouts = self._rollouts(point, dt, chosen)
+        indices = _segment_indices(len(point.q_D), selected)
+        driven_steps, rollouts = self._rollouts(point, dt, indices)
         if not rollouts.arrived:
             dt *= 0.25
-            driven, rollouts = self._rollouts(point, dt, chosen)
+            driven_steps, rollouts = self._rollouts(point, dt, indices)
         if not rollouts.arrived:
             raise StateError(
                 f"a segment of the record cannot be simulated in steps of {dt:g} s; "
                 "use a smaller dt"
             )
-        steps, segments, fraction, samples = self._samples_in(point.theta, dt, chosen)
+        steps, segments, fraction, samples = self._samples_in(point.theta, dt, indices)
         p = self.p(point.theta)
-        begin = self.row_projection(point.theta, chosen).state_derivatives(
-            point.q_D[chosen],
-            point.v_D[chosen],
-            point.held[chosen],
+        start_derivatives = self.row_projection(point.theta, indices).state_derivatives(
+            point.q_D[indices],
+            point.v_D[indices],
+            point.active_rows[indices],
             list(layout.parameters),
             list(layout.offsets),
         )
         derivatives = differentiate(
             marionette,
-            driven,
+            driven_steps,
             rollouts,
             p,
             layout.parameters,
             layout.offsets,
-            begin,
+            start_derivatives,
             (steps, segments, fraction),
             pull=bool(channels.rows),
             threads=self.threads,
         )
-        m, n_places = 2 * marionette.coordinates.n_vD, channels.n_places
-        first, n_motion = m + len(layout.parameters), m + layout.n_motion
-        q_D, q_K, move_D, move_K = self._at_samples(driven, rollouts, steps, segments, fraction)
+        m, n_kinematic = 2 * marionette.coordinates.n_vD, channels.n_kinematic
+        first_offset, n_motion = m + len(layout.parameters), m + layout.n_motion
+        q_D, q_K, move_D, move_K = self._at_samples(
+            driven_steps, rollouts, steps, segments, fraction
+        )
         values = channels.derivatives(
             q_D, q_K, p, self.marker_positions(point.theta), self.channels_depend
         )
         J = np.zeros((len(samples), len(channels), m + len(layout)))
-        np.matmul(values.by_D, derivatives.between, out=J[:, :n_places, :n_motion])
-        J[:, :n_places, first:n_motion] += values.by_K[..., list(layout.offsets)]
-        if values.by_p is not None:
-            J[:, :n_places, m:first] += values.by_p[..., list(layout.parameters)]
-        for j, marker in enumerate(layout.places):
-            places = slice(n_motion + 3 * j, n_motion + 3 * j + 3)
-            J[:, 3 * marker : 3 * marker + 3, places] = values.frames[:, marker]
+        np.matmul(values.J_D, derivatives.at_samples, out=J[:, :n_kinematic, :n_motion])
+        J[:, :n_kinematic, first_offset:n_motion] += values.J_K[..., list(layout.offsets)]
+        if values.J_p is not None:
+            J[:, :n_kinematic, m:first_offset] += values.J_p[..., list(layout.parameters)]
+        for j, marker in enumerate(layout.marker_indices):
+            columns = slice(n_motion + 3 * j, n_motion + 3 * j + 3)
+            J[:, 3 * marker : 3 * marker + 3, columns] = values.frames[:, marker]
         if layout.delay:
-            rate = values.by_D @ move_D[..., None] + values.by_K @ move_K[..., None]
-            J[:, :n_places, -1] = -rate[..., 0] / dt
-        if derivatives.pull is not None:
-            J[:, n_places:, :n_motion] = derivatives.pull[:, channels.rows]
-        ends = np.zeros((2, len(chosen), m, m + len(layout)))
-        ends[0, ..., :n_motion], ends[1, ..., :n_motion] = begin, derivatives.end
-        if others is None:
+            rate = values.J_D @ move_D[..., None] + values.J_K @ move_K[..., None]
+            J[:, :n_kinematic, -1] = -rate[..., 0] / dt
+        if derivatives.tension is not None:
+            J[:, n_kinematic:, :n_motion] = derivatives.tension[:, channels.rows]
+        ends = np.zeros((2, len(indices), m, m + len(layout)))
+        ends[0, ..., :n_motion], ends[1, ..., :n_motion] = start_derivatives, derivatives.end
+        if unselected is None:
             return Jacobians(J, *ends)
-        others.samples[samples], others.begin[chosen], others.end[chosen] = J, *ends
-        return others
+        unselected.samples[samples], unselected.begin[indices], unselected.end[indices] = J, *ends
+        return unselected
 
-    def row_projection(self, theta: Array, chosen: Indices | None = None) -> RowProjection:
+    def row_projection(self, theta: Array, indices: Indices | None = None) -> RowProjection:
         """The projection onto strings and limits at the start of all or of chosen segments."""
-        starts = self.starts if chosen is None else self.starts[chosen]
+        starts = self.starts if indices is None else self.starts[indices]
         q_K, v_K, _ = self.inputs.evaluate(starts)
         for q, v in self.marionette.coordinates.scalars_K:
             q_K[:, q] += self.offsets(theta)[v]
         return RowProjection(self.marionette, q_K, v_K, self.p(theta))
 
-    def projected(
-        self, q_D: Array, v_D: Array, theta: Array, held: MaskRows, only: MaskRows | None = None
+    def projected_point(
+        self,
+        q_D: Array,
+        v_D: Array,
+        theta: Array,
+        active_rows: MaskRows,
+        selected: MaskRows | None = None,
     ) -> Point:
         """The point with states projected onto the rows of strings and limits.
 
-        Active rows without a force are released. With ``only`` (S,), other segments are unchanged.
+        Active rows without a force are released. With ``selected`` (S,), other segments are
+        unchanged.
         """
-        chosen = _chosen(len(q_D), only)
-        projection = self.row_projection(theta, chosen)
-        q, v = projection.project(q_D[chosen], v_D[chosen], held[chosen])
-        closed = projection.closed(q, v)
-        first_step = self.driven(theta, self.dt).first.subset(chosen)
-        first = roll_out(self.marionette, first_step, q, v, self.p(theta))
-        forced = (first.tension[0] > 0.0) | self.marionette.two_sided
-        q_D, v_D, held = q_D.copy(), v_D.copy(), held.copy()
-        q_D[chosen], v_D[chosen], held[chosen] = q, v, closed & forced
-        return Point(q_D, v_D, theta, held)
+        indices = _segment_indices(len(q_D), selected)
+        projection = self.row_projection(theta, indices)
+        q, v = projection.project(q_D[indices], v_D[indices], active_rows[indices])
+        is_closed = projection.closed_rows(q, v)
+        first_step = self.driven(theta, self.dt).first_step.subset(indices)
+        first_rollout = roll_out(self.marionette, first_step, q, v, self.p(theta))
+        has_force = (first_rollout.tension[0] > 0.0) | self.marionette.two_sided
+        q_D, v_D, active_rows = q_D.copy(), v_D.copy(), active_rows.copy()
+        q_D[indices], v_D[indices], active_rows[indices] = q, v, is_closed & has_force
+        return Point(q_D, v_D, theta, active_rows)
 
-    def released(self, point: Point, predicted: Predicted) -> Point:
+    def released_point(self, point: Point, prediction: Prediction) -> Point:
         """The same point, with rows released that are slack at the end of the previous segment."""
-        if not predicted.arrived:
+        if not prediction.arrived:
             return point
-        q_D = np.concatenate([point.q_D[:1], predicted.q_D[:-1]])
-        slack = self.row_projection(point.theta).slack(q_D, point.v_D)
+        q_D = np.concatenate([point.q_D[:1], prediction.q_D[:-1]])
+        slack = self.row_projection(point.theta).slack_rows(q_D, point.v_D)
         slack[0] = False
-        return replace(point, held=point.held & ~slack)
+        return replace(point, active_rows=point.active_rows & ~slack)
 
-    def moved(
-        self, point: Point, move: Array, theta_move: Array, only: MaskRows | None = None
+    def moved_point(
+        self, point: Point, move: Array, theta_move: Array, selected: MaskRows | None = None
     ) -> Point:
-        """A point moved by tangent vectors (S, 2 n_vD), in ``only``, and ``theta_move`` (P,)."""
+        """A point moved by vectors (S, 2 n_vD), in ``selected``, and by ``theta_move`` (P,)."""
         n = move.shape[1] // 2
         q_D = integrate(self.marionette, point.q_D, move[:, :n])
         moved_theta = point.theta + theta_move
         if self.layout.delay:
             low, high = self.theta_0[-1] - DELAY_RANGE, self.theta_0[-1] + DELAY_RANGE
             moved_theta[-1] = np.clip(moved_theta[-1], low, high)
-        return self.projected(q_D, point.v_D + move[:, n:], moved_theta, point.held, only)
+        return self.projected_point(
+            q_D, point.v_D + move[:, n:], moved_theta, point.active_rows, selected
+        )
 
 
-def _chosen(S: int, only: MaskRows | None) -> Indices:
-    return np.arange(S) if only is None else np.flatnonzero(only)
+def _segment_indices(S: int, selected: MaskRows | None) -> Indices:
+    return np.arange(S) if selected is None else np.flatnonzero(selected)
 
 
 def continuous_point(fit: Fit, start: State) -> Point:
     """Point without jumps between segments: one simulation from a state with ``fit.theta_0``."""
     theta = fit.theta_0
-    driven = fit.driven(theta, fit.dt)
+    driven_steps = fit.driven(theta, fit.dt)
     q_D, v_D = [start.q_D], [start.v_D]
     for s in range(len(fit.starts) - 1):
-        segment = driven.subset(slice(s, s + 1))
+        segment = driven_steps.subset(slice(s, s + 1))
         rollouts = roll_out(fit.marionette, segment, q_D[-1][None], v_D[-1][None], fit.p(theta))
         if not rollouts.arrived:
             raise StateError(
@@ -353,4 +370,4 @@ def continuous_point(fit: Fit, start: State) -> Point:
         q_D.append(rollouts.q_D[-1, 0])
         v_D.append(rollouts.v_D[-1, 0])
     q, v = np.array(q_D), np.array(v_D)
-    return fit.projected(q, v, theta, fit.row_projection(theta).nearly_closed(q, v))
+    return fit.projected_point(q, v, theta, fit.row_projection(theta).nearly_closed_rows(q, v))

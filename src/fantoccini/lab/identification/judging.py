@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fantoccini.base import Array
-from fantoccini.lab.identification.result import OUTLIER_RESIDUAL, Identified
+from fantoccini.lab.identification.result import OUTLIER_RESIDUAL, IdentificationResult
 from fantoccini.lab.identification.unit_names import channel_units
 
 MAX_NOISE_CORRELATION = 0.2
@@ -76,7 +76,7 @@ class ColumnFit:
         )
 
 
-def column_fits(result: Identified) -> tuple[ColumnFit, ...]:
+def column_fits(result: IdentificationResult) -> tuple[ColumnFit, ...]:
     """Residuals of every column that has samples."""
     channels, units, fits = result.record.channels, channel_units(result.record), []
     for j, (name, group) in enumerate(zip(channels.names, channels.groups, strict=True)):
@@ -86,7 +86,7 @@ def column_fits(result: Identified) -> tuple[ColumnFit, ...]:
             z = np.abs(r[present]) / noise
             rms = float(np.sqrt(np.mean(r[present] ** 2)))
             spread = float(MAD_FACTOR * np.median(z) * noise)
-            is_stated = name in result.record.noise or group in result.record.noise
+            is_given = name in result.record.noise or group in result.record.noise
             fits.append(
                 ColumnFit(
                     name,
@@ -95,7 +95,7 @@ def column_fits(result: Identified) -> tuple[ColumnFit, ...]:
                     rms,
                     spread,
                     noise,
-                    is_stated,
+                    is_given,
                     float(np.mean(z <= 2.0)),
                     _neighbour_correlation(result.t, r / noise),
                     int(np.sum(z > OUTLIER_RESIDUAL)),
@@ -109,16 +109,20 @@ def _neighbour_correlation(t: Array, z: Array) -> float:
 
     The mean is not subtracted, so that a bias counts as well.
     """
-    present = np.isfinite(z)
-    t, z = t[present], np.clip(z[present], -OUTLIER_RESIDUAL, OUTLIER_RESIDUAL)
+    is_present = np.isfinite(z)
+    t, z = t[is_present], np.clip(z[is_present], -OUTLIER_RESIDUAL, OUTLIER_RESIDUAL)
     adjacent = (
         np.diff(t) < MAX_NEIGHBOUR_STEP * np.median(np.diff(t))
         if len(t) > 1
         else np.zeros(0, dtype=bool)
     )
-    a, b = z[:-1][adjacent], z[1:][adjacent]
-    norm = float(np.sqrt(np.sum(a**2) * np.sum(b**2)))
-    return float(np.sum(a * b)) / norm if len(a) >= MIN_NEIGHBOURS and norm > 0.0 else float("nan")
+    residuals, next_residuals = z[:-1][adjacent], z[1:][adjacent]
+    norm = float(np.sqrt(np.sum(residuals**2) * np.sum(next_residuals**2)))
+    return (
+        float(np.sum(residuals * next_residuals)) / norm
+        if len(residuals) >= MIN_NEIGHBOURS and norm > 0.0
+        else float("nan")
+    )
 
 
 @dataclass(frozen=True)
@@ -144,10 +148,10 @@ class BiasedJump:
         return text
 
 
-def biased_jumps(result: Identified) -> tuple[BiasedJump, ...]:
+def biased_jumps(result: IdentificationResult) -> tuple[BiasedJump, ...]:
     """Coordinates and velocities that jump mostly to one side, the largest mean first."""
-    counts = ~np.isin(result.starts[:-1], result.rejected)
-    jumps = np.clip(result.jumps[counts], -OUTLIER_RESIDUAL, OUTLIER_RESIDUAL)
+    is_counted = ~np.isin(result.starts[:-1], result.rejected)
+    jumps = np.clip(result.jumps[is_counted], -OUTLIER_RESIDUAL, OUTLIER_RESIDUAL)
     table = result.record.marionette.coordinates
     if len(jumps) < 2:
         return ()
@@ -163,13 +167,13 @@ def biased_jumps(result: Identified) -> tuple[BiasedJump, ...]:
     return tuple(biased)
 
 
-def jump_names(result: Identified) -> tuple[str, ...]:
+def jump_names(result: IdentificationResult) -> tuple[str, ...]:
     """(2 n_vD,) names of the columns of ``jumps``: configurations, then velocities."""
     names = result.record.marionette.coordinates.v_D
     return (*names, *(f"velocity of {name}" for name in names))
 
 
-def prior_shares(result: Identified) -> dict[str, float]:
+def prior_shares(result: IdentificationResult) -> dict[str, float]:
     """Unknown -> share of its prior in the estimate; 1 if the record adds nothing to it."""
     shares = {}
     for name, unknown, deviation in zip(
@@ -182,7 +186,7 @@ def prior_shares(result: Identified) -> dict[str, float]:
     return shares
 
 
-def doubts(result: Identified) -> tuple[str, ...]:
+def doubts(result: IdentificationResult) -> tuple[str, ...]:
     """Reasons to doubt an identification, as sentences; none if the residuals look like noise.
 
     A wrong model that still fits the record is not detected: if a given mass is too large, the
@@ -191,7 +195,7 @@ def doubts(result: Identified) -> tuple[str, ...]:
     return tuple(_doubts(result))
 
 
-def _doubts(result: Identified) -> Iterator[str]:
+def _doubts(result: IdentificationResult) -> Iterator[str]:
     if result.at_bound:
         yield "The delay reached the end of its range; give a better initial value: {about: ...}."
     elif not result.converged:
@@ -252,5 +256,5 @@ def _doubts(result: Identified) -> Iterator[str]:
 
 
 def _names_text(names: list[str]) -> str:
-    more = len(names) - MAX_LISTED_NAMES
-    return ", ".join(names[:MAX_LISTED_NAMES]) + (f" and {more} more" if more > 0 else "")
+    n_more = len(names) - MAX_LISTED_NAMES
+    return ", ".join(names[:MAX_LISTED_NAMES]) + (f" and {n_more} more" if n_more > 0 else "")

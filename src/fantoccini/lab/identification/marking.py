@@ -45,13 +45,13 @@ class FileNumber:
     positive: bool
 
 
-def find_number(data: Any, label: str, taken: Collection[str] = ()) -> FileNumber:
+def find_number(data: Any, label: str, used_names: Collection[str] = ()) -> FileNumber:
     """The number of a puppet file with a label.
 
     Args:
         data: plain data of a puppet file.
         label: the name of a parameter, or a path.
-        taken: names of parameters that other numbers already have.
+        used_names: names of parameters that other numbers already have.
 
     Raises:
         StateError: there is no such number.
@@ -59,7 +59,7 @@ def find_number(data: Any, label: str, taken: Collection[str] = ()) -> FileNumbe
     entries = [(path, value) for path, value in parameters(data) if value["parameter"] == label]
     if entries:
         paths = tuple(path for path, _ in entries)
-        return FileNumber(label, label, paths, float(entries[0][1]["value"]), _positive(paths))
+        return FileNumber(label, label, paths, float(entries[0][1]["value"]), _is_positive(paths))
     prefixes = list(_named_prefixes(data, label))
     if not prefixes:
         names = [name for name, _ in _named_items(data)]
@@ -89,15 +89,15 @@ def find_number(data: Any, label: str, taken: Collection[str] = ()) -> FileNumbe
             raise StateError(f"{label} is {value!r:.40}; only a number can be unknown")
         number = None if value is None else float(value)
         name = re.sub(r"[^A-Za-z0-9_]", "_", label)[:50]
-        parameter, paths = _unused_name(name, data, taken), (full_path,)
-        return FileNumber(label, parameter, paths, number, _positive(paths))
+        parameter, paths = _unused_name(name, data, used_names), (full_path,)
+        return FileNumber(label, parameter, paths, number, _is_positive(paths))
     raise StateError(first_error)
 
 
-def _unused_name(name: str, data: Any, taken: Collection[str]) -> str:
+def _unused_name(name: str, data: Any, used_names: Collection[str]) -> str:
     """A name that no parameter of the file has."""
-    others = {*taken, *(value["parameter"] for _, value in parameters(data))}
-    while name in others:
+    used = {*used_names, *(value["parameter"] for _, value in parameters(data))}
+    while name in used:
         name += "_"
     return name
 
@@ -118,7 +118,7 @@ def _mirrored_original(data: Any, label: str, names: list[str]) -> str | None:
     )
 
 
-def _positive(paths: tuple[Path, ...]) -> bool:
+def _is_positive(paths: tuple[Path, ...]) -> bool:
     return not any(set(path) & SIGNED_KEYS for path in paths)
 
 
@@ -135,8 +135,8 @@ def _named_items(data: Any) -> Iterator[tuple[str, Path]]:
             if (name := word(item, "name")) is not None:
                 yield name, (section, i)
     for i, drive in items(data, "drives"):
-        on = drive.get("on")
-        for name in on if isinstance(on, list) else [on]:
+        targets = drive.get("on")
+        for name in targets if isinstance(targets, list) else [targets]:
             if isinstance(name, str):
                 yield name, ("drives", i)
 
@@ -155,10 +155,10 @@ def _follow_keys(data: Any, path: Path, keys: list[str]) -> tuple[Path, Any]:
         node = node[key]
     for i, key in enumerate(keys):
         if isinstance(node, dict) and key in node:
-            step: str | int = key
+            index: str | int = key
         elif isinstance(node, list) and (key in AXIS_INDEX or key.isdecimal()):
-            step = AXIS_INDEX.get(key, -1) if key in AXIS_INDEX else int(key)
-            if step >= len(node):
+            index = AXIS_INDEX.get(key, -1) if key in AXIS_INDEX else int(key)
+            if index >= len(node):
                 raise StateError(f"{'.'.join(keys)}: {key} is beyond the {len(node)} entries there")
         elif isinstance(node, dict) and key in OPTIONAL_KEYS and i == len(keys) - 1:
             return (*path, key), None
@@ -167,7 +167,7 @@ def _follow_keys(data: Any, path: Path, keys: list[str]) -> tuple[Path, Any]:
         else:
             allowed = list(node) if isinstance(node, dict) else ["x", "y", "z", "0", "1", "2"]
             raise StateError(f"{'.'.join(keys)}: found no {key}{nearest(key, map(str, allowed))}")
-        path, node = (*path, step), node[step]
+        path, node = (*path, index), node[index]
     return path, node
 
 

@@ -73,8 +73,8 @@ def check_overlap(t: Array, inputs: Input, share: float) -> None:
         inputs: the inputs.
         share: largest allowed share, 0 to 1.
     """
-    beyond = (t < inputs.start - MARGIN) | (t > inputs.end + MARGIN)
-    if np.mean(beyond) > share:
+    is_outside = (t < inputs.start - MARGIN) | (t > inputs.end + MARGIN)
+    if np.mean(is_outside) > share:
         raise StateError(
             f"the samples, less the delay, last from {t[0]:.6g} s to {t[-1]:.6g} s, the inputs "
             f"from {inputs.start:.6g} s to {inputs.end:.6g} s; samples may lie at most "
@@ -104,9 +104,10 @@ class Record(ShortRepr):
         delay: delay of the record's clock, which shows t + delay when the inputs' clock shows t
             [s]. An unknown delay is searched within 0.25 s of it.
         noise: standard deviations by marker or column; estimated by default.
-        start: values for ``rest`` of the pose in which the puppet hangs when the record begins.
+        start: values for ``rest`` of the pose in which the puppet hangs when the record
+            begins.
         name: name of the record.
-        marks: unknown numbers of ``puppet_file``.
+        file_numbers: unknown numbers of ``puppet_file``.
         puppet_file: the puppet's file, for writing it with the estimates.
 
     Raises:
@@ -129,7 +130,7 @@ class Record(ShortRepr):
     noise: Mapping[str, float] = field(default_factory=dict)
     start: Mapping[str, Any] = field(default_factory=dict)
     name: str = ""
-    marks: tuple[FileNumber, ...] = ()
+    file_numbers: tuple[FileNumber, ...] = ()
     puppet_file: Path | None = None
 
     def __post_init__(self) -> None:
@@ -150,16 +151,16 @@ class Record(ShortRepr):
             raise ValueError(f"delay is {self.delay!r}; it must be a finite number")
         for unknown in self.unknowns:
             if unknown.name not in marionette.parameter_index:
-                known = tuple(marionette.parameter_index)
-                raise UnknownNameError("parameter", unknown.name, known)
+                parameter_names = tuple(marionette.parameter_index)
+                raise UnknownNameError("parameter", unknown.name, parameter_names)
         scalars = driven_scalars(self.marionette)
         for name in self.offsets:
             if name not in scalars:
                 raise UnknownNameError("scalar driven coordinate", name, scalars)
-        measured = (*self.channels.groups, *self.channels.names)
+        channel_names = (*self.channels.groups, *self.channels.names)
         for name in self.noise:
-            if name not in measured:
-                raise UnknownNameError("marker or column", name, measured)
+            if name not in channel_names:
+                raise UnknownNameError("marker or column", name, channel_names)
         check_positive(**{f"noise of {name}": level for name, level in self.noise.items()})
         names = [unknown.name for unknown in self.unknowns]
         names += self.offsets
@@ -169,11 +170,11 @@ class Record(ShortRepr):
             raise StateError(
                 "nothing is unknown; name parameters, offsets, markers with `find`, or the delay"
             )
-        for unknown, begin in zip(self.unknowns, self.initial_values, strict=False):
-            if unknown.positive and not begin > 0.0:
+        for unknown, initial_value in zip(self.unknowns, self.initial_values, strict=False):
+            if unknown.positive and not initial_value > 0.0:
                 raise StateError(
-                    f"{unknown.name} has the initial value {begin:g} and must stay positive; give "
-                    "one above 0 (about), or allow negative values (positive: false)"
+                    f"{unknown.name} has the initial value {initial_value:g} and must stay "
+                    "positive; give one above 0 (about), or allow negative values (positive: false)"
                 )
         if not marionette.coordinates.n_vD:
             raise StateError(
@@ -184,21 +185,23 @@ class Record(ShortRepr):
 
     def _check_units(self) -> None:
         """Raises if the markers are so far from the puppet that their unit must be another one."""
-        places = np.abs(self.values[:, : 3 * len(self.markers)])
-        if not np.any(np.isfinite(places)):
+        coordinates = np.abs(self.values[:, : 3 * len(self.markers)])
+        if not np.any(np.isfinite(coordinates)):
             return
         tree, number = self.marionette.tree, self.marionette.number
-        size = measure(tree, number)
-        paths = path_lengths(tree, size.poses, number).values()
-        reach = float(np.max(np.abs([size.low, size.high]))) + max(paths, default=0.0)
-        ends = self.inputs.evaluate(np.array([self.inputs.start, self.inputs.end]))[0]
-        reach += float(np.max(np.abs(np.nan_to_num(ends)), initial=0.0))
-        typical = float(np.nanmedian(places[np.any(np.isfinite(places), axis=1)]))
-        if typical > MAX_MARKER_DISTANCE * reach:
+        bounding_box = measure(tree, number)
+        paths = path_lengths(tree, bounding_box.poses, number).values()
+        puppet_reach = float(np.max(np.abs([bounding_box.low, bounding_box.high]))) + max(
+            paths, default=0.0
+        )
+        q_K_at_ends = self.inputs.evaluate(np.array([self.inputs.start, self.inputs.end]))[0]
+        puppet_reach += float(np.max(np.abs(np.nan_to_num(q_K_at_ends)), initial=0.0))
+        median_distance = float(np.nanmedian(coordinates[np.any(np.isfinite(coordinates), axis=1)]))
+        if median_distance > MAX_MARKER_DISTANCE * puppet_reach:
             raise StateError(
-                f"coordinates of markers are {typical:.4g} m (median); the puppet on "
-                f"its strings reaches {reach:.3g} m: are they in mm? Then the record's file has "
-                "`unit: mm`"
+                f"coordinates of markers are {median_distance:.4g} m (median); the puppet on "
+                f"its strings reaches {puppet_reach:.3g} m: are they in mm? Then the "
+                "record's file has `unit: mm`"
             )
 
     def _check_times(self) -> None:
@@ -214,9 +217,9 @@ class Record(ShortRepr):
     def channels(self) -> Channels:
         """The channels that the columns measure."""
         axes = {f"{marker.name}.{axis}" for marker in self.markers for axis in "xyz"}
-        others = [name for name in self.columns if name not in axes]
-        tensions = [name for name in others if name.endswith(".tension")]
-        coordinates = [name for name in others if name not in tensions]
+        other_columns = [name for name in self.columns if name not in axes]
+        tensions = [name for name in other_columns if name.endswith(".tension")]
+        coordinates = [name for name in other_columns if name not in tensions]
         strings = [name.removesuffix(".tension") for name in tensions]
         return Channels(self.marionette, self.markers, coordinates, strings)
 
@@ -243,11 +246,11 @@ class Record(ShortRepr):
     @cached_property
     def labels(self) -> tuple[str, ...]:
         """Names of all unknowns, in the order of results."""
-        places = [f"{m.name}.at.{axis}" for m in self.markers if m.find for axis in "xyz"]
+        positions = [f"{m.name}.at.{axis}" for m in self.markers if m.find for axis in "xyz"]
         return (
             *(unknown.label or unknown.name for unknown in self.unknowns),
             *(f"{name} offset" for name in self.offsets),
-            *places,
+            *positions,
             *(("delay",) if self.find_delay else ()),
         )
 
@@ -261,16 +264,16 @@ class Record(ShortRepr):
             else unknown.about
             for unknown in self.unknowns
         ]
-        places = [x for marker in self.markers if marker.find for x in marker.at]
+        positions = [x for marker in self.markers if marker.find for x in marker.at]
         delay = [self.delay] if self.find_delay else []
-        return np.array([*values, *([0.0] * len(self.offsets)), *places, *delay])
+        return np.array([*values, *([0.0] * len(self.offsets)), *positions, *delay])
 
     @cached_property
     def scales(self) -> Array:
         """(P,) scales of the unknowns at their initial values, to which errors are compared."""
-        return self.sizes(self.initial_values)
+        return self.scales_at(self.initial_values)
 
-    def sizes(self, values: Array) -> Array:
+    def scales_at(self, values: Array) -> Array:
         """(P,) scales at values (P,): for positive unknowns, the larger of initial value and value.
 
         The initial value is included so that an estimate of 0 can count as determined.
@@ -280,9 +283,9 @@ class Record(ShortRepr):
             value if unknown.positive and value else POSITION_SCALE
             for unknown, value in zip(self.unknowns, magnitudes, strict=False)
         ]
-        rest = len(self.labels) - len(sizes) - int(self.find_delay)
+        n_positions = len(self.labels) - len(sizes) - int(self.find_delay)
         return np.array(
-            [*sizes, *([POSITION_SCALE] * rest), *([DELAY_SCALE] if self.find_delay else [])]
+            [*sizes, *([POSITION_SCALE] * n_positions), *([DELAY_SCALE] if self.find_delay else [])]
         )
 
     def check_folder(self, folder: Path) -> None:
@@ -316,5 +319,5 @@ class Record(ShortRepr):
         if inputs is None:
             return x0
         q_K = inputs.evaluate(t)[0]
-        same = np.allclose(q_K, x0.q_K, rtol=0.0, atol=1e-9)
-        return x0 if same else self.initial_puppet.rest(x0.replace(q_K=q_K))
+        is_same = np.allclose(q_K, x0.q_K, rtol=0.0, atol=1e-9)
+        return x0 if is_same else self.initial_puppet.rest(x0.replace(q_K=q_K))

@@ -53,30 +53,33 @@ def load_record(path: str | os.PathLike[str], *, progress: OnProgress | None = N
         text = f"found {shown(file.puppet)}, which is a scene; needed: the file of a puppet"
         raise located.error([(("puppet",), text)], FileError)
     puppet = read_file(puppet_path)
-    marks: dict[FileNumber, float] = {}
+    numbers: dict[FileNumber, float] = {}
     unknown = []
     for label, entry in file.unknown.items():
-        spot = ("unknown", label)
-        taken = [m.parameter for m in marks]
-        mark = check(spot, lambda label=label, taken=taken: find_number(puppet.data, label, taken))
-        if mark is None:
+        location = ("unknown", label)
+        used_names = [m.parameter for m in numbers]
+        number = check(
+            location,
+            lambda label=label, used_names=used_names: find_number(puppet.data, label, used_names),
+        )
+        if number is None:
             continue
-        duplicate = next((m for m in marks if set(m.paths) & set(mark.paths)), None)
+        duplicate = next((m for m in numbers if set(m.paths) & set(number.paths)), None)
         if duplicate is not None:
             text = f"the same number as {duplicate.label}; leave one out"
-            check(spot, lambda text=text: _raise_error(text))
+            check(location, lambda text=text: _raise_error(text))
             continue
         about = entry.about if entry is not None else None
-        value = mark.value if about is None else about
+        value = number.value if about is None else about
         if value is None:
-            check(spot, lambda: _raise_error("the puppet's file leaves it out; needed: about"))
+            check(location, lambda: _raise_error("the puppet's file leaves it out; needed: about"))
             continue
-        marks[mark] = value
+        numbers[number] = value
         known = None if entry is None else entry.known
-        unknown.append(Unknown(mark.parameter, about, known, mark.label, mark.positive))
+        unknown.append(Unknown(number.parameter, about, known, number.label, number.positive))
     check.refuse()
     marionette = check.need(
-        ("puppet",), lambda: Marionette(puppet_with_parameters(puppet, marks), progress)
+        ("puppet",), lambda: Marionette(puppet_with_parameters(puppet, numbers), progress)
     )
     for name, marker in file.markers.items():
         check(("markers", name, "body"), lambda marker=marker: marionette.link_index(marker.body))
@@ -88,15 +91,15 @@ def load_record(path: str | os.PathLike[str], *, progress: OnProgress | None = N
     for name, pose in file.start.items():
         check(("start", name), lambda name=name, pose=pose: marionette.state({name: pose}))
     t, cells = check.need(("samples",), lambda: _read_samples(file.samples, located))
-    columns = _by_quantity(file, marionette, cells, check)
+    columns = _columns_by_quantity(file, marionette, cells, check)
     find_delay = file.delay == "find" or isinstance(file.delay, DelayEntry)
     delay = file.delay.about if isinstance(file.delay, DelayEntry) else file.delay
     delay = 0.0 if delay == "find" else float(delay)
-    played = ("samples",) if file.inputs is None else ("inputs",)
+    inputs_location = ("samples",) if file.inputs is None else ("inputs",)
     inputs = check.need(
-        played, lambda: _read_inputs(file, located, marionette, t - delay, t, columns)
+        inputs_location, lambda: _read_inputs(file, located, marionette, t - delay, t, columns)
     )
-    values = _measured(file, marionette, columns, check)
+    values = _measured_columns(file, marionette, columns, check)
     markers = [
         Marker(name, marker.body, marker.at, marker.find) for name, marker in file.markers.items()
     ]
@@ -105,7 +108,7 @@ def load_record(path: str | os.PathLike[str], *, progress: OnProgress | None = N
     if values:
         measured_t = t[np.any(np.isfinite(list(values.values())), axis=0)]
         if len(measured_t):
-            check(played, lambda: check_overlap(measured_t - delay, inputs, 0.0))
+            check(inputs_location, lambda: check_overlap(measured_t - delay, inputs, 0.0))
             check.refuse()
     record = check.need(
         (),
@@ -125,7 +128,7 @@ def load_record(path: str | os.PathLike[str], *, progress: OnProgress | None = N
         ),
     )
     source = Path(puppet.folder) / Path(puppet.file).name
-    return replace(record, marks=tuple(marks), puppet_file=source)
+    return replace(record, file_numbers=tuple(numbers), puppet_file=source)
 
 
 def record_files(path: str | os.PathLike[str]) -> tuple[Path, ...]:
@@ -147,74 +150,82 @@ def _raise_error(text: str) -> None:
 def _read_samples(name: str, located: Located) -> tuple[Array, dict[str, Array]]:
     """Times and other columns of a CSV file; empty cells are NaN."""
     columns, lines = csv_columns(located.required(name), gaps=True, name=name)
-    clock = next((column for column in TIME_COLUMNS if column in columns), None)
-    if clock is None:
+    time_column = next((column for column in TIME_COLUMNS if column in columns), None)
+    if time_column is None:
         raise lines.error(
             [((), f"there is no column time; found: {', '.join(columns)}")], FileError
         )
-    t = columns.pop(clock)
+    t = columns.pop(time_column)
     if not len(t):
         raise StateError(f"{name} has no samples")
     mistakes: list[Finding] = []
-    last = -np.inf
-    for k, now in enumerate(t):
-        if not now > last:
-            text = "found no time" if np.isnan(now) else f"found {now:.12g} after {last:.12g}"
-            mistakes.append(((clock, k), text if np.isnan(now) else f"{text}; times must increase"))
+    previous_time = -np.inf
+    for k, time in enumerate(t):
+        if not time > previous_time:
+            text = (
+                "found no time"
+                if np.isnan(time)
+                else f"found {time:.12g} after {previous_time:.12g}"
+            )
+            mistakes.append(
+                ((time_column, k), text if np.isnan(time) else f"{text}; times must increase")
+            )
         else:
-            last = now
-    for column, values in {clock: t, **columns}.items():
-        large = np.flatnonzero(np.abs(values) > MAX_SAMPLE)
+            previous_time = time
+    for column, values in {time_column: t, **columns}.items():
+        too_large = np.flatnonzero(np.abs(values) > MAX_SAMPLE)
         text = f"needed: a number of at most {MAX_SAMPLE:g} in size"
-        mistakes += [((column, int(k)), f"found {values[k]:g}; {text}") for k in large[:1]]
+        mistakes += [((column, int(k)), f"found {values[k]:g}; {text}") for k in too_large[:1]]
     if mistakes:
         raise lines.error(mistakes, FileError)
     return t, columns
 
 
-def _by_quantity(
+def _columns_by_quantity(
     file: RecordFile, marionette: Marionette, columns: dict[str, Array], check: Mistakes
 ) -> dict[str, Array]:
     """Columns by the quantity that they hold, in SI units."""
-    table, by_quantity = marionette.coordinates, {}
+    table, column_of_quantity = marionette.coordinates, {}
     axes = {f"{name}.{axis}" for name in file.markers for axis in "xyz"}
     scalars = [*(table.q_D[q] for q, _ in table.scalars_D), *_driven_names(marionette)]
     strings = [f"{string.name}.tension" for string in marionette.tree.strings]
-    kinds = {row.name: row.unit for row in table.rows} | dict.fromkeys(axes, "m")
-    kinds |= dict.fromkeys(strings, "N")
+    unit_of_quantity = {row.name: row.unit for row in table.rows} | dict.fromkeys(axes, "m")
+    unit_of_quantity |= dict.fromkeys(strings, "N")
     for name, column in file.columns.items():
-        spot = ("columns", name)
+        location = ("columns", name)
         if name not in columns:
             text = f"there is no such column{nearest(name, tuple(columns))}"
-            check(spot, lambda text=text: _raise_error(text))
+            check(location, lambda text=text: _raise_error(text))
             continue
         if column.coordinate is not None and column.coordinate not in scalars:
             text = f"found no scalar coordinate {shown(column.coordinate)}"
             text += nearest(column.coordinate, scalars)
-            check((*spot, "coordinate"), lambda text=text: _raise_error(text))
+            check((*location, "coordinate"), lambda text=text: _raise_error(text))
         quantity = _quantity(name, column)
         if column.tension is not None and quantity not in strings:
             text = f"found no string {shown(column.tension)}"
             text += nearest(quantity, strings).replace(".tension", "")
-            check((*spot, "tension"), lambda text=text: _raise_error(text))
-        kind = SI_UNITS.get(column.unit or "", "")
-        if kind and kinds.get(quantity, kind) != kind:
-            text = f"found {column.unit}; {quantity} is in {kinds[quantity]}"
-            check((*spot, "unit"), lambda text=text: _raise_error(text))
+            check((*location, "tension"), lambda text=text: _raise_error(text))
+        si_unit = SI_UNITS.get(column.unit or "", "")
+        if si_unit and unit_of_quantity.get(quantity, si_unit) != si_unit:
+            text = f"found {column.unit}; {quantity} is in {unit_of_quantity[quantity]}"
+            check((*location, "unit"), lambda text=text: _raise_error(text))
     for name, values in columns.items():
-        declared = file.columns.get(name)
-        quantity = _quantity(name, declared)
-        if quantity in by_quantity:
-            first = next(
-                other for other in columns if _quantity(other, file.columns.get(other)) == quantity
+        entry = file.columns.get(name)
+        quantity = _quantity(name, entry)
+        if quantity in column_of_quantity:
+            first_name = next(
+                column_name
+                for column_name in columns
+                if _quantity(column_name, file.columns.get(column_name)) == quantity
             )
-            key = name if declared is not None else first
-            text = f"the columns {first} and {name} are both {quantity}; leave one out"
+            key = name if entry is not None else first_name
+            text = f"the columns {first_name} and {name} are both {quantity}; leave one out"
             check(("columns", key), lambda text=text: _raise_error(text))
-        unit = declared.unit if declared is not None else None
+        unit = entry.unit if entry is not None else None
         size = {**LENGTHS, **ANGLES}.get(unit or (file.unit if quantity in axes else ""), 1.0)
-        by_quantity[quantity] = size * values
-    return by_quantity
+        column_of_quantity[quantity] = size * values
+    return column_of_quantity
 
 
 def _quantity(name: str, column: ColumnEntry | None) -> str:
@@ -248,7 +259,7 @@ def _read_inputs(
     file: RecordFile,
     located: Located,
     marionette: Marionette,
-    clock: Array,
+    input_times: Array,
     t: Array,
     columns: dict[str, Array],
 ) -> Input:
@@ -258,7 +269,7 @@ def _read_inputs(
         file: the record.
         located: the record's file, for the lines of mistakes.
         marionette: the puppet.
-        clock: (N,) times of the samples by the inputs' clock [s].
+        input_times: (N,) times of the samples by the inputs' clock [s].
         t: (N,) times of the commands [s].
         columns: columns of the samples.
     """
@@ -269,18 +280,20 @@ def _read_inputs(
         for part in ("qw", "qx", "qy", "qz")
     }
     driven = {*_driven_names(marionette), *rotation_parts}
-    commanded = {name: columns.pop(name) for name in sorted(driven & set(columns))}
+    commands = {name: columns.pop(name) for name in sorted(driven & set(columns))}
     if file.inputs is not None:
         return Input.load(marionette, located.required(file.inputs))
-    if not commanded:
-        return Input.hold(marionette, float(clock[-1] - clock[0])).shifted(float(clock[0]))
-    present = np.all([np.isfinite(x) for x in commanded.values()], axis=0)
+    if not commands:
+        return Input.hold(marionette, float(input_times[-1] - input_times[0])).shifted(
+            float(input_times[0])
+        )
+    is_complete = np.all([np.isfinite(x) for x in commands.values()], axis=0)
     return Input.samples(
-        marionette, t[present], {name: x[present] for name, x in commanded.items()}
+        marionette, t[is_complete], {name: x[is_complete] for name, x in commands.items()}
     )
 
 
-def _measured(
+def _measured_columns(
     file: RecordFile, marionette: Marionette, columns: dict[str, Array], check: Mistakes
 ) -> dict[str, Array]:
     """The measured columns."""

@@ -66,7 +66,7 @@ class Outlier:
 
 
 @dataclass(frozen=True, eq=False)
-class Identified:
+class IdentificationResult:
     """Estimates of a puppet's unknown numbers from a record.
 
     Attributes:
@@ -140,20 +140,20 @@ class Identified:
         return float(self.values[-1]) if self.record.find_delay else self.record.delay
 
     @classmethod
-    def of(
+    def from_search(
         cls,
         record: Record,
         cost: Cost,
         result: SearchResult,
         normal: NormalEquations,
         seconds: float,
-    ) -> Identified:
+    ) -> IdentificationResult:
         """The estimates at the end of a search."""
         fit, weights, F = cost.fit, cost.weights, normal.information()
         deviations, correlation, combinations = error_analysis(
-            F, record.sizes(result.point.theta), record.labels
+            F, record.scales_at(result.point.theta), record.labels
         )
-        residuals = fit.y - result.predicted.y
+        residuals = fit.y - result.prediction.y
         trusted = np.ones(len(fit.starts), dtype=bool) if cost.trusted is None else cost.trusted
         accepted = trusted[fit.segments(result.point.theta)]
         r = np.where(accepted[:, None], residuals / weights.noise, np.nan)
@@ -162,7 +162,7 @@ class Identified:
             for i, j in np.argwhere(np.abs(r) > OUTLIER_RESIDUAL)
         ]
         rejected = tuple(fit.starts[~trusted].tolist())
-        jumps = cost.jumps(result.point, result.predicted)
+        jumps = cost.jumps(result.point, result.prediction)
         counted_jumps = jumps[trusted[:-1]]
         return cls(
             record,
@@ -180,7 +180,7 @@ class Identified:
             fit.t,
             accepted,
             residuals,
-            result.predicted.y,
+            result.prediction.y,
             fit.starts,
             jumps,
             weights.drift,
@@ -189,7 +189,8 @@ class Identified:
         )
 
     def __repr__(self) -> str:
-        return f"<Identified {self.record.name or self.record.marionette.name}: {self.summary()}>"
+        name = self.record.name or self.record.marionette.name
+        return f"<IdentificationResult {name}: {self.summary()}>"
 
     def __getitem__(self, name: str) -> float:
         """The estimate of an unknown, by its name."""
@@ -243,7 +244,9 @@ class Identified:
             )
         numbers = {
             mark: float(x)
-            for mark, x, d in zip(self.record.marks, self.values, self.deviations, strict=False)
+            for mark, x, d in zip(
+                self.record.file_numbers, self.values, self.deviations, strict=False
+            )
             if np.isfinite(d)
         }
         self.record.check_folder(Path(path).parent)
@@ -279,8 +282,8 @@ class Identified:
 def _remaining_move(normal: NormalEquations, deviations: Array) -> float:
     """Largest change of a number in one more step of the search [standard deviations]."""
     _, step = normal.step(np.full(len(normal.g), MIN_DAMPING), 0.0)
-    determined = np.isfinite(deviations) & (deviations > 0.0)
-    return float(np.max(np.abs(step[determined]) / deviations[determined], initial=0.0))
+    is_determined = np.isfinite(deviations) & (deviations > 0.0)
+    return float(np.max(np.abs(step[is_determined]) / deviations[is_determined], initial=0.0))
 
 
 def error_analysis(
@@ -293,16 +296,16 @@ def error_analysis(
     """
     F = information * np.outer(scales, scales)
     values, vectors = np.linalg.eigh(0.5 * (F + F.T))
-    open_directions = values < 1.0 / MAX_DEVIATION**2
-    variances = np.where(open_directions, 0.0, 1.0 / np.maximum(values, 1e-300))
+    is_undetermined = values < 1.0 / MAX_DEVIATION**2
+    variances = np.where(is_undetermined, 0.0, 1.0 / np.maximum(values, 1e-300))
     covariance = (vectors * variances) @ vectors.T
-    undetermined = np.sqrt(np.sum(vectors[:, open_directions] ** 2, axis=1)) > MIN_SHARE
+    in_undetermined = np.sqrt(np.sum(vectors[:, is_undetermined] ** 2, axis=1)) > MIN_SHARE
     deviations = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     divisors = np.where(deviations > 0.0, deviations, 1.0)
     correlation = covariance / np.outer(divisors, divisors)
-    correlation[undetermined] = correlation[:, undetermined] = 0.0
+    correlation[in_undetermined] = correlation[:, in_undetermined] = 0.0
     combinations = []
-    for value, vector in zip(values[open_directions], vectors[:, open_directions].T, strict=True):
+    for value, vector in zip(values[is_undetermined], vectors[:, is_undetermined].T, strict=True):
         largest = vector[np.argmax(np.abs(vector))]
         shares = vector / largest
         parts = {
@@ -311,4 +314,4 @@ def error_analysis(
             if abs(share) > MIN_SHARE
         }
         combinations.append(Combination(parts, float(1.0 / np.sqrt(max(value, 1e-300)))))
-    return np.where(undetermined, np.inf, deviations * scales), correlation, tuple(combinations)
+    return np.where(in_undetermined, np.inf, deviations * scales), correlation, tuple(combinations)

@@ -53,7 +53,7 @@ class DrivenSteps:
     dt: float
 
     @classmethod
-    def of(
+    def from_inputs(
         cls, marionette: Marionette, inputs: Input, starts: Array, n: int, dt: float
     ) -> DrivenSteps:
         """n steps from each of S times [s].
@@ -81,7 +81,7 @@ class DrivenSteps:
         return replace(self, q_K=q_K)
 
     @property
-    def first(self) -> DrivenSteps:
+    def first_step(self) -> DrivenSteps:
         """The first step."""
         force = None if self.u_D is None else self.u_D[:1]
         return DrivenSteps(self.q_K[:2], self.v_K[:2], self.acc_K[:1], force, self.dt)
@@ -115,14 +115,14 @@ def roll_out(
 
     A step depends on its state alone, as in :func:`fantoccini.linearise_steps`.
     """
-    parts = _segment_slices(len(q_D), threads)
-    with ThreadPoolExecutor(len(parts)) as pool:
+    chunks = _segment_slices(len(q_D), threads)
+    with ThreadPoolExecutor(len(chunks)) as pool:
         rollouts = list(
             pool.map(
-                lambda part: _roll_out_part(
-                    marionette, driven.subset(part), q_D[part], v_D[part], p
+                lambda chunk: _roll_out_chunk(
+                    marionette, driven.subset(chunk), q_D[chunk], v_D[chunk], p
                 ),
-                parts,
+                chunks,
             )
         )
     if len(rollouts) == 1:
@@ -138,10 +138,10 @@ def _segment_slices(S: int, threads: int) -> list[slice]:
     """S segments divided among threads, each with enough of them."""
     n = max(1, min(threads, S // MIN_SEGMENTS_PER_THREAD))
     ends = [S * i // n for i in range(n + 1)]
-    return [slice(a, b) for a, b in pairwise(ends)]
+    return [slice(start, stop) for start, stop in pairwise(ends)]
 
 
-def _roll_out_part(
+def _roll_out_chunk(
     marionette: Marionette, driven: DrivenSteps, q_D: Array, v_D: Array, p: Array
 ) -> Rollouts:
     n, S = driven.acc_K.shape[:2]
@@ -161,9 +161,9 @@ def _roll_out_part(
             force[:] = driven.u_D[k]
         advance()
         history.keep(k + 1)
-    parts = history.parts
-    arrived = np.all(np.isin(parts["status"][1:], ARRIVED)) and np.all(np.isfinite(record.q_D))
-    return Rollouts(parts["q_D"], parts["v_D"], parts["tension"][1:], bool(arrived))
+    arrays = history.parts
+    arrived = np.all(np.isin(arrays["status"][1:], ARRIVED)) and np.all(np.isfinite(record.q_D))
+    return Rollouts(arrays["q_D"], arrays["v_D"], arrays["tension"][1:], bool(arrived))
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,13 +172,13 @@ class RolloutDerivatives:
 
     Attributes:
         end: (S, 2 n_vD, 2 n_vD + P) of the segments' last states.
-        between: (N, n_vD, 2 n_vD + P) of q_D at the samples.
-        pull: (N, n_rows, 2 n_vD + P) of the tensions of their steps; None if not requested.
+        at_samples: (N, n_vD, 2 n_vD + P) of q_D at the samples.
+        tension: (N, n_rows, 2 n_vD + P) of the tensions of their steps; None if not requested.
     """
 
     end: Array
-    between: Array
-    pull: Array | None
+    at_samples: Array
+    tension: Array | None
 
 
 def differentiate(
@@ -186,9 +186,9 @@ def differentiate(
     driven: DrivenSteps,
     rollouts: Rollouts,
     p: Array,
-    of_p: Sequence[int],
-    of_K: Sequence[int],
-    begin: Array,
+    parameter_indices: Sequence[int],
+    offset_indices: Sequence[int],
+    start_derivatives: Array,
     samples: tuple[Indices, Indices, Array],
     *,
     pull: bool,
@@ -200,8 +200,9 @@ def differentiate(
         marionette: the puppet.
         driven, rollouts: inputs and states of the rollouts.
         p: (n_p,) parameters.
-        of_p, of_K: indices of the unknown parameters in p, and of the unknown offsets in v_K.
-        begin: (S, 2 n_vD, 2 n_vD + P) the same derivatives of the first states.
+        parameter_indices, offset_indices: indices of the unknown parameters in p, and of the
+            unknown offsets in v_K.
+        start_derivatives: (S, 2 n_vD, 2 n_vD + P) the same derivatives of the first states.
         samples: (N,) step and segment of every sample, and its position within the step, 0 to 1.
         pull: whether to differentiate tensions, too.
         threads: number of threads.
@@ -209,55 +210,67 @@ def differentiate(
     n, S = driven.acc_K.shape[:2]
     n_v, n_k = marionette.coordinates.n_vD, marionette.coordinates.n_vK
     steps, segments, fraction = samples
-    width = 2 * n_v + len(of_p) + len(of_K)
-    columns = [2 * n_v + 3 * n_k + i for i in of_p] + [2 * n_v + k for k in of_K]
-    Z = begin.copy()
-    between = np.empty((len(steps), n_v, width))
+    width = 2 * n_v + len(parameter_indices) + len(offset_indices)
+    columns = [2 * n_v + 3 * n_k + i for i in parameter_indices] + [
+        2 * n_v + k for k in offset_indices
+    ]
+    Z = start_derivatives.copy()
+    q_derivatives = np.empty((len(steps), n_v, width))
     tension_derivatives = np.empty((len(steps), marionette.tree.n_rows, width)) if pull else None
     samples_of_step = {}
-    for part in _segment_slices(S, threads):
-        in_part = np.flatnonzero((segments >= part.start) & (segments < part.stop))
-        order = in_part[np.argsort(steps[in_part], kind="stable")]
+    for chunk in _segment_slices(S, threads):
+        in_chunk = np.flatnonzero((segments >= chunk.start) & (segments < chunk.stop))
+        order = in_chunk[np.argsort(steps[in_chunk], kind="stable")]
         first = np.searchsorted(steps[order], np.arange(n + 1))
-        samples_of_step[part.start, part.stop] = [order[a:b] for a, b in pairwise(first)]
-    block = max(
+        samples_of_step[chunk.start, chunk.stop] = [
+            order[start:stop] for start, stop in pairwise(first)
+        ]
+    block_size = max(
         b for b in range(1, n + 1) if n % b == 0 and (b == 1 or b * S <= MAX_STEPS_PER_BLOCK)
     )
 
-    def propagate(part: tuple[int, int], k: int, lin: StepLinearisations) -> None:
+    def propagate(chunk: tuple[int, int], k: int, linearisation: StepLinearisations) -> None:
         """Propagates a part's derivatives over the steps of the block that begins with k."""
-        own = slice(*part)
-        for j in range(block):
-            rows = slice(j * S + part[0], j * S + part[1])
-            samples_now = samples_of_step[part][k + j]
+        segment_rows = slice(*chunk)
+        for j in range(block_size):
+            rows = slice(j * S + chunk[0], j * S + chunk[1])
+            samples_now = samples_of_step[chunk][k + j]
             weight = fraction[samples_now, None, None]
-            between[samples_now] = (1.0 - weight) * Z[segments[samples_now], :n_v]
-            if tension_derivatives is not None and lin.pull is not None and len(samples_now):
-                derivative = lin.pull[j * S + segments[samples_now]]
+            q_derivatives[samples_now] = (1.0 - weight) * Z[segments[samples_now], :n_v]
+            if (
+                tension_derivatives is not None
+                and linearisation.pull is not None
+                and len(samples_now)
+            ):
+                derivative = linearisation.pull[j * S + segments[samples_now]]
                 tension_derivatives[samples_now] = (
                     derivative[..., : 2 * n_v] @ Z[segments[samples_now]]
                 )
                 tension_derivatives[samples_now, :, 2 * n_v :] += derivative[..., columns]
-            Z[own] = lin.motion[rows, :, : 2 * n_v] @ Z[own]
-            Z[own, :, 2 * n_v :] += lin.motion[rows][..., columns]
-            between[samples_now] += weight * Z[segments[samples_now], :n_v]
+            Z[segment_rows] = linearisation.motion[rows, :, : 2 * n_v] @ Z[segment_rows]
+            Z[segment_rows, :, 2 * n_v :] += linearisation.motion[rows][..., columns]
+            q_derivatives[samples_now] += weight * Z[segments[samples_now], :n_v]
 
-    work = None
+    memory = None
     with ThreadPoolExecutor(len(samples_of_step)) as pool:
-        for k in range(0, n, block):
-            steps_of_block = slice(k, k + block)
+        for k in range(0, n, block_size):
+            steps_of_block = slice(k, k + block_size)
             q_D, v_D, q_K, v_K, acc_K = (
-                x[steps_of_block].reshape(block * S, -1)
+                x[steps_of_block].reshape(block_size * S, -1)
                 for x in (rollouts.q_D, rollouts.v_D, driven.q_K, driven.v_K, driven.acc_K)
             )
             force = (
-                None if driven.u_D is None else driven.u_D[steps_of_block].reshape(block * S, -1)
+                None
+                if driven.u_D is None
+                else driven.u_D[steps_of_block].reshape(block_size * S, -1)
             )
             motion = q_D, v_D, q_K, v_K
             inputs = StepInputs.of(marionette, motion, acc_K, force, p, driven.dt)
             options = StepOptions(pull=pull, threads=threads)
-            lin = linearise_steps(marionette, inputs, options, work)
-            work = lin.motion
-            for task in [pool.submit(propagate, part, k, lin) for part in samples_of_step]:
+            linearisation = linearise_steps(marionette, inputs, options, memory)
+            memory = linearisation.motion
+            for task in [
+                pool.submit(propagate, chunk, k, linearisation) for chunk in samples_of_step
+            ]:
                 task.result()
-    return RolloutDerivatives(Z, between, tension_derivatives)
+    return RolloutDerivatives(Z, q_derivatives, tension_derivatives)

@@ -25,7 +25,7 @@ MAX_STEP_GAP = 2e-5
 """The same bound for h after a time step, which leaves such gaps [row's unit]."""
 MAX_ITERATIONS = 8
 """Largest number of iterations of a projection."""
-REDUNDANCY = 1e-10
+REGULARISATION = 1e-10
 """Regularisation of redundant rows, relative to the trace of their matrix."""
 
 
@@ -64,31 +64,31 @@ class RowProjection:
         ]
         return Rows(h, rate, derivatives)
 
-    def closed(self, q_D: Array, v_D: Array) -> MaskRows:
+    def closed_rows(self, q_D: Array, v_D: Array) -> MaskRows:
         """(S, n_rows) bool, rows that are closed and not opening."""
         rows = self.rows(q_D, v_D)
         closed = (rows.h >= -CLOSED_GAP) & (rows.hdot >= -MAX_CLOSED_SPEED)
         return np.asarray(closed | self.marionette.two_sided)
 
-    def nearly_closed(self, q_D: Array, v_D: Array) -> MaskRows:
+    def nearly_closed_rows(self, q_D: Array, v_D: Array) -> MaskRows:
         """(S, n_rows) bool, rows that are closed up to the error of a time step."""
         return np.asarray((self.rows(q_D, v_D).h >= -MAX_STEP_GAP) | self.marionette.two_sided)
 
-    def slack(self, q_D: Array, v_D: Array) -> MaskRows:
+    def slack_rows(self, q_D: Array, v_D: Array) -> MaskRows:
         """(S, n_rows) bool, rows that are open."""
         return np.asarray((self.rows(q_D, v_D).h < -MAX_STEP_GAP) & ~self.marionette.two_sided)
 
-    def subset(self, chosen: MaskRows | Indices) -> RowProjection:
+    def subset(self, indices: MaskRows | Indices) -> RowProjection:
         """The projection of chosen states."""
-        return RowProjection(self.marionette, self.q_K[chosen], self.v_K[chosen], self.p)
+        return RowProjection(self.marionette, self.q_K[indices], self.v_K[indices], self.p)
 
-    def project(self, q_D: Array, v_D: Array, held: MaskRows) -> tuple[Array, Array]:
+    def project(self, q_D: Array, v_D: Array, active_rows: MaskRows) -> tuple[Array, Array]:
         """The states projected onto active rows, and out of rows that they violate."""
         q_D, v_D = q_D.copy(), v_D.copy()
         remaining = np.arange(len(q_D))
         for _ in range(MAX_ITERATIONS):
             rows = self.subset(remaining).rows(q_D[remaining], v_D[remaining])
-            active = held[remaining] | (rows.h > 0.0)
+            active = active_rows[remaining] | (rows.h > 0.0)
             violation = np.where(active, rows.h, 0.0)
             move = _smallest_move(rows.derivatives["A_D"], violation, active)
             q_D[remaining] = integrate(self.marionette, q_D[remaining], -move)
@@ -102,7 +102,7 @@ class RowProjection:
         for _ in range(MAX_ITERATIONS):
             A_D, A_K = rows.derivatives["A_D"][remaining], rows.derivatives["A_K"][remaining]
             rate = (A_D @ v_D[remaining, :, None] + A_K @ self.v_K[remaining, :, None])[..., 0]
-            active = held[remaining] | ((rows.h[remaining] >= -CLOSED_GAP) & (rate > 0.0))
+            active = active_rows[remaining] | ((rows.h[remaining] >= -CLOSED_GAP) & (rate > 0.0))
             violation = np.where(active, rate, 0.0)
             v_D[remaining] -= _smallest_move(A_D, violation, active)
             remaining = remaining[
@@ -113,37 +113,47 @@ class RowProjection:
         return q_D, v_D
 
     def state_derivatives(
-        self, q_D: Array, v_D: Array, held: MaskRows, of_p: list[int], of_K: list[int]
+        self,
+        q_D: Array,
+        v_D: Array,
+        active_rows: MaskRows,
+        parameter_indices: list[int],
+        offset_indices: list[int],
     ) -> Array:
         """(S, 2 n_vD, 2 n_vD + P) derivatives of projected states by states and unknowns."""
         derivatives = self.rows(q_D, v_D).derivatives
         n = v_D.shape[1]
-        width = 2 * n + len(of_p) + len(of_K)
+        width = 2 * n + len(parameter_indices) + len(offset_indices)
         Z = np.zeros((len(q_D), 2 * n, width))
         Z[:] = np.eye(2 * n, width)
-        direct = np.concatenate(
-            [derivatives["h_p"][..., of_p], derivatives["A_K"][..., of_K]], axis=-1
+        direct_part = np.concatenate(
+            [derivatives["h_p"][..., parameter_indices], derivatives["A_K"][..., offset_indices]],
+            axis=-1,
         )
         gap = derivatives["A_D"] @ Z[:, :n]
-        gap[..., 2 * n :] += direct
-        Z[:, :n] -= _smallest_move(derivatives["A_D"], gap, held)
+        gap[..., 2 * n :] += direct_part
+        Z[:, :n] -= _smallest_move(derivatives["A_D"], gap, active_rows)
         rate = derivatives["hdot_q"] @ Z[:, :n] + derivatives["A_D"] @ Z[:, n:]
         rate[..., 2 * n :] += np.concatenate(
-            [derivatives["hdot_p"][..., of_p], derivatives["hdot_qK"][..., of_K]], axis=-1
+            [
+                derivatives["hdot_p"][..., parameter_indices],
+                derivatives["hdot_qK"][..., offset_indices],
+            ],
+            axis=-1,
         )
-        Z[:, n:] -= _smallest_move(derivatives["A_D"], rate, held)
+        Z[:, n:] -= _smallest_move(derivatives["A_D"], rate, active_rows)
         return Z
 
 
 def _smallest_move(A: Array, violation: Array, active: MaskRows) -> Array:
     """The smallest dx (S, n[, m]) with A dx = violation on the active rows of every state."""
-    flat = violation.ndim == 2
-    violation = violation[..., None] if flat else violation
+    is_vector = violation.ndim == 2
+    violation = violation[..., None] if is_vector else violation
     A_active = np.where(active[..., None], A, 0.0)
     G = A_active @ A_active.swapaxes(-1, -2)
     size = np.trace(G, axis1=1, axis2=2)[:, None] + 1.0
-    G += np.where(active, REDUNDANCY * size, 1.0)[..., None] * np.eye(G.shape[1])
+    G += np.where(active, REGULARISATION * size, 1.0)[..., None] * np.eye(G.shape[1])
     move = A_active.swapaxes(-1, -2) @ np.linalg.solve(
         G, np.where(active[..., None], violation, 0.0)
     )
-    return np.asarray(move[..., 0] if flat else move)
+    return np.asarray(move[..., 0] if is_vector else move)

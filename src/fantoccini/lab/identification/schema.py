@@ -49,7 +49,7 @@ class ColumnEntry(Model):
     """Unit of the column's numbers; rad, m or N by default."""
 
     @model_validator(mode="after")
-    def _has_one_quantity(self) -> ColumnEntry:
+    def _check_quantity(self) -> ColumnEntry:
         if self.coordinate is not None and self.tension is not None:
             raise mistake("found `coordinate` and `tension`; needed: only one of them")
         if self.coordinate is None and self.tension is None and self.unit is None:
@@ -108,7 +108,7 @@ class RecordFile(Document):
     """Values of the pose in which the puppet hangs when the record begins."""
 
     @model_validator(mode="after")
-    def _offsets_differ(self) -> RecordFile:
+    def _check_offsets(self) -> RecordFile:
         refuse(
             (("offsets", i), f"{name} is listed twice")
             for i, name in enumerate(self.offsets)

@@ -16,13 +16,13 @@ class Layout:
     Attributes:
         parameters: indices in p of unknown parameters.
         offsets: indices in v_K of driven coordinates with an unknown offset.
-        places: indices of markers with an unknown position.
+        marker_indices: indices of markers with an unknown position.
         delay: whether the delay is unknown.
     """
 
     parameters: tuple[int, ...]
     offsets: tuple[int, ...]
-    places: tuple[int, ...]
+    marker_indices: tuple[int, ...]
     delay: bool
 
     @property
@@ -31,7 +31,7 @@ class Layout:
         return len(self.parameters) + len(self.offsets)
 
     def __len__(self) -> int:
-        return self.n_motion + 3 * len(self.places) + int(self.delay)
+        return self.n_motion + 3 * len(self.marker_indices) + int(self.delay)
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,32 +41,32 @@ class Point:
     Attributes:
         q_D, v_D: (S, ...) first states of the segments.
         theta: (P,) unknowns.
-        held: (S, n_rows) bool, the active set of the first states.
+        active_rows: (S, n_rows) bool, the active set of the first states.
     """
 
     q_D: Array
     v_D: Array
     theta: Array
-    held: MaskRows
+    active_rows: MaskRows
 
-    def differs(self, other: Point) -> MaskRows:
+    def changed_segments(self, other: Point) -> MaskRows:
         """(S,) bool, segments whose first state differs from that of the other point."""
-        moved = np.any(self.q_D != other.q_D, axis=1) | np.any(self.v_D != other.v_D, axis=1)
-        return np.asarray(moved | np.any(self.held != other.held, axis=1))
+        is_moved = np.any(self.q_D != other.q_D, axis=1) | np.any(self.v_D != other.v_D, axis=1)
+        return np.asarray(is_moved | np.any(self.active_rows != other.active_rows, axis=1))
 
-    def with_segments(self, other: Point, chosen: MaskRows) -> Point:
+    def with_segments(self, other: Point, selected: MaskRows) -> Point:
         """This point, with the states of the chosen segments (S,) taken from another."""
-        mask = chosen[:, None]
+        mask = selected[:, None]
         return Point(
             np.where(mask, other.q_D, self.q_D),
             np.where(mask, other.v_D, self.v_D),
             self.theta,
-            np.where(mask, other.held, self.held),
+            np.where(mask, other.active_rows, self.active_rows),
         )
 
 
 @dataclass(frozen=True, eq=False)
-class Predicted:
+class Prediction:
     """Predictions of a point.
 
     Attributes:
@@ -80,13 +80,13 @@ class Predicted:
     v_D: Array
     arrived: bool
 
-    def with_segments(self, other: Predicted, chosen: MaskRows, segments: Indices) -> Predicted:
+    def with_segments(self, other: Prediction, selected: MaskRows, segments: Indices) -> Prediction:
         """These predictions, with those of the chosen segments (S,) taken from other predictions.
 
         ``segments`` (N,) is the index of each sample's segment.
         """
-        mask = chosen[:, None]
-        return Predicted(
+        mask = selected[:, None]
+        return Prediction(
             np.where(mask[segments], other.y, self.y),
             np.where(mask, other.q_D, self.q_D),
             np.where(mask, other.v_D, self.v_D),

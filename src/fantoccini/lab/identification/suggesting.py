@@ -28,7 +28,12 @@ from fantoccini.base import (
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.kernel.runtime import checked_integer
 from fantoccini.lab.identification.cost import Cost
-from fantoccini.lab.identification.estimating import DRIFT, NoiseLevels, make_fit, one_blas_thread
+from fantoccini.lab.identification.estimating import (
+    DEFAULT_DRIFT,
+    NoiseLevels,
+    make_fit,
+    one_blas_thread,
+)
 from fantoccini.lab.identification.fit import continuous_point
 from fantoccini.lab.identification.record import Record
 from fantoccini.lab.identification.result import Combination, error_analysis
@@ -59,7 +64,7 @@ class Candidate:
         combinations: combinations of numbers that it would not determine.
         worst: largest deviation relative to the number's size (E-optimality's measure is its
             square); infinite if a number is not determined.
-        refused: reason why the motion cannot be simulated; empty if it can.
+        failure: reason why the motion cannot be simulated; empty if it can.
     """
 
     name: str
@@ -68,7 +73,7 @@ class Candidate:
     deviations: dict[str, float]
     combinations: tuple[Combination, ...]
     worst: float
-    refused: str = ""
+    failure: str = ""
 
     def save(self, path: str | Path) -> None:
         """Writes the motion as an inputs file of samples (CSV).
@@ -139,8 +144,8 @@ def suggest_motion(
                 progress(Progress(name))
             ranked.append(_candidate(name, inputs, record, rate, segment, dt, threads))
     ranked.sort(key=lambda candidate: -candidate.gain)
-    if ranked[0].refused:
-        raise StateError(f"no candidate can be done; {ranked[0].name}: {ranked[0].refused}")
+    if ranked[0].failure:
+        raise StateError(f"no candidate can be done; {ranked[0].name}: {ranked[0].failure}")
     return tuple(ranked)
 
 
@@ -156,14 +161,14 @@ def _candidate(
     t = np.arange(inputs.start, inputs.end, 1.0 / rate)
     columns = {column: np.zeros(len(t)) for column in record.channels.names}
     try:
-        planned = replace(record, inputs=inputs, t=t + record.delay, columns=columns)
-        fit = make_fit(planned, segment, dt, threads)
-        point = continuous_point(fit, planned.start_state(fit.inputs, float(fit.starts[0])))
-        noise = NoiseLevels.of(planned)
+        planned_record = replace(record, inputs=inputs, t=t + record.delay, columns=columns)
+        fit = make_fit(planned_record, segment, dt, threads)
+        point = continuous_point(fit, planned_record.start_state(fit.inputs, float(fit.starts[0])))
+        noise = NoiseLevels.from_record(planned_record)
         levels = np.where(np.isfinite(noise.given), noise.given, noise.guess)
-        predicted = fit.predict(point)
-        cost = Cost(replace(fit, y=predicted.y), point, Weights(levels, DRIFT))
-        F = cost.normal(point, predicted, fit.jacobians(point)).information()
+        prediction = fit.predict(point)
+        cost = Cost(replace(fit, y=prediction.y), point, Weights(levels, DEFAULT_DRIFT))
+        F = cost.normal_equations(point, prediction, fit.jacobians(point)).information()
     except (FantocciniError, np.linalg.LinAlgError) as error:
         return Candidate(name, inputs, -np.inf, {}, (), np.inf, str(error))
     scaled = F * np.outer(record.scales, record.scales)
@@ -191,10 +196,10 @@ def _random_motions(
     """Smooth random motions about the start, with several intervals and amplitudes."""
     table = marionette.coordinates
     x0 = marionette.rest({**record.inputs.first_values(), **record.start})
-    kinds = {row.name: row.unit for row in table.rows}
+    coordinate_units = {row.name: row.unit for row in table.rows}
     motions = {}
     for interval in WAYPOINT_INTERVALS:
-        for size in REACH_FACTORS:
+        for factor in REACH_FACTORS:
             for draw in range(draws):
                 rng = np.random.default_rng((seed, draw))
                 times = np.arange(0.0, duration - 1e-9, interval)
@@ -202,14 +207,16 @@ def _random_motions(
                 for q, _ in table.scalars_K:
                     name, start = table.q_K[q], float(x0.q_K[q])
                     amplitude = (
-                        reach * size * (ANGLE_PER_LENGTH if kinds.get(name) == "rad" else 1.0)
+                        reach
+                        * factor
+                        * (ANGLE_PER_LENGTH if coordinate_units.get(name) == "rad" else 1.0)
                     )
                     amplitude *= STRING_LENGTH_FACTOR if name.endswith(".length") else 1.0
                     values = start + amplitude * rng.uniform(-1.0, 1.0, len(times))
                     values[[0, -1]] = start
                     values = _clip_to_range(name, values, start, ranges)
                     points[name] = list(zip(times.tolist(), values.tolist(), strict=True))
-                key = f"random, {interval:g} s, {100 * reach * size:g} cm, {draw}"
+                key = f"random, {interval:g} s, {100 * reach * factor:g} cm, {draw}"
                 motions[key] = Input.waypoints(marionette, points)
     return motions
 

@@ -43,40 +43,40 @@ SLIDING_JOINTS = {"prismatic", "translation"}
 
 def units(record: Record) -> dict[str, str]:
     """Unit of every unknown, by its label; empty if it is not clear from the puppet's file."""
-    kinds = {row.name: row.unit for row in record.marionette.coordinates.rows}
-    parameter_unit = parameter_units(plain(record.marionette.puppet), kinds)
-    parts = [parameter_unit.get(unknown.name, "") for unknown in record.unknowns]
-    parts += [kinds.get(name, "") for name in record.offsets]
-    rest = len(record.labels) - len(parts) - int(record.find_delay)
-    parts += ["m"] * rest + ["s"] * int(record.find_delay)
-    return dict(zip(record.labels, parts, strict=True))
+    coordinate_units = {row.name: row.unit for row in record.marionette.coordinates.rows}
+    parameter_unit = parameter_units(plain(record.marionette.puppet), coordinate_units)
+    unknown_units = [parameter_unit.get(unknown.name, "") for unknown in record.unknowns]
+    unknown_units += [coordinate_units.get(name, "") for name in record.offsets]
+    n_positions = len(record.labels) - len(unknown_units) - int(record.find_delay)
+    unknown_units += ["m"] * n_positions + ["s"] * int(record.find_delay)
+    return dict(zip(record.labels, unknown_units, strict=True))
 
 
 def channel_units(record: Record) -> tuple[str, ...]:
     """Unit of every channel: m, rad or N."""
-    kinds = {row.name: row.unit for row in record.marionette.coordinates.rows}
+    coordinate_units = {row.name: row.unit for row in record.marionette.coordinates.rows}
     channels = record.channels
     return (
         *(["m"] * 3 * len(channels.markers)),
-        *(kinds.get(name, "") for name in channels.coordinates),
+        *(coordinate_units.get(name, "") for name in channels.coordinates),
         *(["N"] * len(channels.tensions)),
     )
 
 
-def parameter_units(data: Any, kinds: dict[str, str]) -> dict[str, str]:
+def parameter_units(data: Any, coordinate_units: dict[str, str]) -> dict[str, str]:
     """Unit of every parameter, from its path in a puppet's plain data.
 
     Args:
         data: plain data of the puppet.
-        kinds: coordinate -> its unit.
+        coordinate_units: coordinate -> its unit.
     """
     units: dict[str, str] = {}
     for path, value in parameters(data):
-        units.setdefault(value["parameter"], _unit(data, path, kinds))
+        units.setdefault(value["parameter"], _unit(data, path, coordinate_units))
     return units
 
 
-def _unit(data: Any, path: Path, kinds: dict[str, str]) -> str:
+def _unit(data: Any, path: Path, coordinate_units: dict[str, str]) -> str:
     keys = [key for key in path if isinstance(key, str)]
     key = keys[-1]
     if "chain" in keys and key in CHAIN_UNITS:
@@ -87,15 +87,17 @@ def _unit(data: Any, path: Path, kinds: dict[str, str]) -> str:
     item = data[path[0]][path[1]]
     if "joint" in keys:
         kind = item["joint"]["type"]
-        both = f"{sliding} or {turning}"
-        return both if kind == "free" else _choose(kind in SLIDING_JOINTS, sliding, turning)
+        either_unit = f"{sliding} or {turning}"
+        return either_unit if kind == "free" else _choose(kind in SLIDING_JOINTS, sliding, turning)
     if path[0] == "drives":
-        on = item["on"]
-        slides = kinds.get(on if isinstance(on, str) else on[0]) == "m"
-        wound = "drum" in item and "control" not in keys
-        return _choose(slides and not wound, sliding, turning)
+        targets = item["on"]
+        is_sliding = (
+            coordinate_units.get(targets if isinstance(targets, str) else targets[0]) == "m"
+        )
+        is_winch = "drum" in item and "control" not in keys
+        return _choose(is_sliding and not is_winch, sliding, turning)
     return sliding
 
 
-def _choose(slides: bool, sliding: str, turning: str) -> str:
-    return sliding if slides else turning
+def _choose(is_sliding: bool, sliding: str, turning: str) -> str:
+    return sliding if is_sliding else turning

@@ -13,7 +13,7 @@ import numpy as np
 from fantoccini.base import UnknownNameError
 from fantoccini.dynamics.marionette import Marionette
 
-PUPPET = "puppet"
+PUPPET_KEY = "puppet"
 """Name of the value that selects the puppet."""
 PARAMETER_PREFIX = "p:"
 """Prefix of values that set a parameter of the puppet."""

@@ -12,15 +12,15 @@ import numpy as np
 
 from fantoccini.base import UnknownNameError
 from fantoccini.dynamics.marionette import Marionette
-from fantoccini.lab.sweeps.case import PARAMETER_PREFIX, PUPPET, Case
+from fantoccini.lab.sweeps.case import PARAMETER_PREFIX, PUPPET_KEY, Case
 from fantoccini.lab.sweeps.identity import digest
 from fantoccini.model.puppet import Puppet
 from fantoccini.model.scene import Scene
 from fantoccini.motion import Input
 
-REPEAT = "repeat"
+REPEAT_AXIS = "repeat"
 """Name of the axis of repetitions."""
-CASE = "case"
+CASE_AXIS = "case"
 """Name of the axis of a list of cases."""
 
 Distribution = tuple[float, float] | Callable[[np.random.Generator], Any]
@@ -97,11 +97,11 @@ def make_design(
     seed = check_integer("seed", seed, 0)
     n_repetitions = 1 if seeds is None else check_integer("seeds", seeds, 1)
     draw = dict(draw or {})
-    common_puppet = None if puppet is None else _varied_values(PUPPET, [puppet])[0]
+    common_puppet = None if puppet is None else _varied_values(PUPPET_KEY, [puppet])[0]
     axes, points = _points(over)
     names = (*points[0], *draw)
     _check_names(names, points[0], draw, common_puppet)
-    items = {item.label: item for p in points for n, item in p.items() if n == PUPPET}
+    items = {item.label: item for p in points for n, item in p.items() if n == PUPPET_KEY}
     items |= {} if common_puppet is None else {common_puppet.label: common_puppet}
     puppets = {label: item.value for label, item in items.items()}
     _check_parameters(names, puppets)
@@ -111,23 +111,25 @@ def make_design(
     keys: list[str] = []
     for point in points:
         random_key = int(digest({n: item.random_key for n, item in point.items()}), 16)
-        with_puppet = point | ({PUPPET: common_puppet} if common_puppet else {})
+        with_puppet = point | ({PUPPET_KEY: common_puppet} if common_puppet else {})
         store_keys = {n: item.store_key for n, item in with_puppet.items()}
         for repeat in range(n_repetitions):
             entropy = (seed, random_key, repeat)
-            drawn = {
+            random_values = {
                 n: _draw(n, distribution, (*entropy, name_keys[n]))
                 for n, distribution in draw.items()
             }
-            values = {n: i.label if n == PUPPET else i.value for n, i in point.items()} | drawn
+            values = {
+                n: i.label if n == PUPPET_KEY else i.value for n, i in point.items()
+            } | random_values
             if common_puppet is not None:
-                values = {PUPPET: common_puppet.label} | values
+                values = {PUPPET_KEY: common_puppet.label} | values
             cases.append(Case(len(cases), values, repeat, entropy))
-            labels.append({n: item.label for n, item in point.items()} | drawn)
-            keys.append(digest([store_keys, drawn, random_key, repeat]))
+            labels.append({n: item.label for n, item in point.items()} | random_values)
+            keys.append(digest([store_keys, random_values, random_key, repeat]))
     _check_unique(keys, labels)
     if seeds is not None:
-        axes = (*axes, Axis(REPEAT, tuple(range(n_repetitions))))
+        axes = (*axes, Axis(REPEAT_AXIS, tuple(range(n_repetitions))))
     return Design(axes, names, tuple(cases), tuple(labels), tuple(keys), puppets)
 
 
@@ -153,7 +155,7 @@ def _points(over: VariedValues | None) -> tuple[tuple[Axis, ...], list[dict[str,
                 "same names in all"
             )
     columns = {name: _varied_values(name, [p[name] for p in points]) for name in names}
-    axis = Axis(CASE, tuple(range(len(points))))
+    axis = Axis(CASE_AXIS, tuple(range(len(points))))
     return (axis,), [{name: columns[name][k] for name in names} for k in range(len(points))]
 
 
@@ -164,8 +166,8 @@ def _column(name: str, values: Any) -> list[VariedValue]:
             f"{name} is {values!r:.80}; it must be a list of values, even for one value"
         )
     labels = [str(label) for label in values] if isinstance(values, Mapping) else None
-    listed = list(values.values() if isinstance(values, Mapping) else values)
-    items = _varied_values(name, listed, labels)
+    value_list = list(values.values() if isinstance(values, Mapping) else values)
+    items = _varied_values(name, value_list, labels)
     if not items:
         raise ValueError(f"{name} has no values; give at least one")
     used: set[str] = set()
@@ -181,38 +183,38 @@ def _varied_values(
 ) -> list[VariedValue]:
     """Values with labels; equal objects share a label, others are numbered."""
     items: list[VariedValue] = []
-    by_key: dict[str, str] = {}
+    label_of_key: dict[str, str] = {}
     label: Any
     random_key: Any
     for k, value in enumerate(values):
-        if name == PUPPET:
+        if name == PUPPET_KEY:
             value = _marionette(value)
         elif isinstance(value, np.generic):
             value = value.item()
         key = digest(value)
         if labels is not None:
             label = random_key = labels[k]
-        elif isinstance(value, bool | int | float | str) and name != PUPPET:
+        elif isinstance(value, bool | int | float | str) and name != PUPPET_KEY:
             label = random_key = value
         elif isinstance(value, np.ndarray):
             label, random_key = value, key
         else:
             own_name = value.name if isinstance(value, Marionette | Input) else ""
-            label = by_key.setdefault(
-                key, _unused_label(own_name or name, by_key, unnumbered=bool(own_name))
+            label = label_of_key.setdefault(
+                key, _unused_label(own_name or name, label_of_key, unnumbered=bool(own_name))
             )
             random_key = label if own_name else key
         items.append(VariedValue(value, label, random_key, key))
     return items
 
 
-def _unused_label(base: str, by_key: dict[str, str], unnumbered: bool) -> str:
+def _unused_label(base: str, label_of_key: dict[str, str], unnumbered: bool) -> str:
     """``base`` if it is unused and allowed ``unnumbered``, else with the first free number."""
-    taken = set(by_key.values())
-    if unnumbered and base not in taken:
+    used_labels = set(label_of_key.values())
+    if unnumbered and base not in used_labels:
         return base
     numbered = (f"{base} {k}" for k in itertools.count(2 if unnumbered else 0))
-    return next(label for label in numbered if label not in taken)
+    return next(label for label in numbered if label not in used_labels)
 
 
 def _marionette(puppet: Any) -> Marionette:
@@ -265,9 +267,9 @@ def _check_names(
             raise TypeError(f"found the name {name!r} in `over` or `draw`; names must be strings")
         if name in over and name in draw:
             raise ValueError(f"{name} is in both `over` and `draw`; needed: only one of them")
-        if name in (REPEAT, CASE):
+        if name in (REPEAT_AXIS, CASE_AXIS):
             raise ValueError(f"no value may be called {name!r}, the name of an axis of the results")
-    if PUPPET in draw or (PUPPET in names and common_puppet is not None):
+    if PUPPET_KEY in draw or (PUPPET_KEY in names and common_puppet is not None):
         raise ValueError("give puppets in `over`, or one for all cases as puppet=")
 
 
@@ -280,9 +282,10 @@ def _check_parameters(names: tuple[str, ...], puppets: dict[str, Marionette]) ->
 
 
 def _check_unique(keys: list[str], labels: list[dict[str, Any]]) -> None:
-    first: dict[str, int] = {}
+    first_index: dict[str, int] = {}
     for k, key in enumerate(keys):
-        if first.setdefault(key, k) != k:
+        if first_index.setdefault(key, k) != k:
             raise ValueError(
-                f"cases {first[key]} and {k} are equal, {labels[k]}; seeds=N repeats every case"
+                f"cases {first_index[key]} and {k} are equal, {labels[k]}; seeds=N repeats "
+                "every case"
             )

@@ -10,7 +10,7 @@ from fantoccini.kernel.runtime import default_threads
 from fantoccini.lab.sweeps.case import Case
 from fantoccini.lab.sweeps.outcome import Job, Outcome
 
-Completed = tuple[tuple[Case, ...], list[Outcome] | None]
+CompletedTask = tuple[tuple[Case, ...], list[Outcome] | None]
 """Cases submitted together, and their outcomes; None if the worker died."""
 
 
@@ -34,7 +34,7 @@ class Executor(Protocol):
     def submit(self, cases: tuple[Case, ...]) -> None:
         """Submits cases as one task; returns at once."""
 
-    def collect(self, timeout: float) -> list[Completed]:
+    def collect(self, timeout: float) -> list[CompletedTask]:
         """Completed tasks; waits up to ``timeout`` [s] for the first."""
 
     def close(self) -> None:
@@ -56,20 +56,20 @@ class ThreadExecutor:
         self.capacity, self.pending = 2 * self._workers, 0
         self._job = job
         self._submitted: queue.SimpleQueue[tuple[Case, ...] | None] = queue.SimpleQueue()
-        self._completed: queue.SimpleQueue[Completed] = queue.SimpleQueue()
+        self._completed: queue.SimpleQueue[CompletedTask] = queue.SimpleQueue()
         self._closed = threading.Event()
         # Daemon threads: Ctrl-C does not wait for the cases that are running.
         for k in range(self._workers):
-            threading.Thread(target=self._work, name=f"sweep-{k}", daemon=True).start()
+            threading.Thread(target=self._run_tasks, name=f"sweep-{k}", daemon=True).start()
 
     def submit(self, cases: tuple[Case, ...]) -> None:
         """See :meth:`Executor.submit`."""
         self.pending += 1
         self._submitted.put(cases)
 
-    def collect(self, timeout: float) -> list[Completed]:
+    def collect(self, timeout: float) -> list[CompletedTask]:
         """See :meth:`Executor.collect`."""
-        completed: list[Completed] = []
+        completed: list[CompletedTask] = []
         try:
             completed.append(self._completed.get(timeout=timeout))
             while True:
@@ -85,7 +85,7 @@ class ThreadExecutor:
         for _ in range(self._workers):
             self._submitted.put(None)
 
-    def _work(self) -> None:
+    def _run_tasks(self) -> None:
         while (cases := self._submitted.get()) is not None:
             outcomes = []
             for case in cases:

@@ -32,7 +32,7 @@ def digest(value: Any) -> str:
     Raises:
         TypeError: a value of another kind.
     """
-    text = json.dumps(_plain(value), sort_keys=True, separators=(",", ":"))
+    text = json.dumps(_json_data(value), sort_keys=True, separators=(",", ":"))
     return hashlib.sha256(text.encode()).hexdigest()[:32]
 
 
@@ -55,9 +55,9 @@ def study_digest(study: Any) -> str | None:
         keywords = {name: _digest_or_type(value) for name, value in study.keywords.items()}
         return inner and digest([inner, [_digest_or_type(v) for v in study.args], keywords])
     if inspect.isfunction(study):
-        captured = [_digest_or_type(cell.cell_contents) for cell in study.__closure__ or ()]
+        captured_values = [_digest_or_type(cell.cell_contents) for cell in study.__closure__ or ()]
         defaults = [_digest_or_type(study.__defaults__), _digest_or_type(study.__kwdefaults__)]
-        return digest([_code(study.__code__), captured, defaults])
+        return digest([_code(study.__code__), captured_values, defaults])
     if dataclasses.is_dataclass(study) and not isinstance(study, type):
         return _digest_or_type(study)
     return None
@@ -91,35 +91,35 @@ def _constant(value: Any) -> Any:
     return sorted(map(repr, value)) if isinstance(value, frozenset) else repr(value)
 
 
-def _plain(value: Any) -> Any:
+def _json_data(value: Any) -> Any:
     """Data for JSON; types that JSON does not distinguish are tagged."""
     match value:
         case enum.Enum():
-            return _plain(value.value)
+            return _json_data(value.value)
         case None | bool() | int() | float() | str():
             return value
         case np.generic():
-            return _plain(value.item())
+            return _json_data(value.item())
         case np.ndarray():
             if value.dtype.kind not in "biufcSU":
                 raise TypeError(f"an array of {value.dtype} is not plain numbers")
             content = hashlib.sha256(np.ascontiguousarray(value).tobytes()).hexdigest()
             return {"array": [value.dtype.str, list(value.shape), content]}
         case Marionette():
-            return {"marionette": [_plain(value.puppet), value.p.tolist()]}
+            return {"marionette": [_json_data(value.puppet), value.p.tolist()]}
         case Scene():
-            return _plain(assembled(value))
+            return _json_data(assembled(value))
         case Puppet():
             return {"puppet": hashlib.sha256(value.canonical().encode()).hexdigest()}
         case PurePath() | complex() | bytes():
             return {type(value).__name__: str(value)}
         case Mapping():
-            return {"map": {str(k): _plain(v) for k, v in value.items()}}
+            return {"map": {str(k): _json_data(v) for k, v in value.items()}}
         case Sequence():
-            return [_plain(v) for v in value]
+            return [_json_data(v) for v in value]
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        compared = [f.name for f in dataclasses.fields(value) if f.compare]
-        fields = {name: _plain(getattr(value, name)) for name in compared}
+        field_names = [f.name for f in dataclasses.fields(value) if f.compare]
+        fields = {name: _json_data(getattr(value, name)) for name in field_names}
         return {_type_name(value): fields}
     raise TypeError(
         f"found {value!r:.80}, a {type(value).__name__}; a sweep takes numbers, texts, arrays, "

@@ -13,7 +13,7 @@ import numpy as np
 
 from fantoccini.base import FantocciniError
 from fantoccini.dynamics.marionette import Marionette
-from fantoccini.lab.sweeps.case import PUPPET, Case
+from fantoccini.lab.sweeps.case import PUPPET_KEY, Case
 
 Study = Callable[[Case], Mapping[str, Any]]
 
@@ -41,7 +41,7 @@ class Failure:
         return f"{self.error}: {self.message}" if self.message else self.error
 
     @classmethod
-    def of(cls, error: BaseException) -> Failure:
+    def from_exception(cls, error: BaseException) -> Failure:
         """Failure for a caught exception; its traceback is without the frame that caught it."""
         inner = error.__traceback__ and error.__traceback__.tb_next
         lines = traceback.format_exception(type(error), error, inner)
@@ -83,11 +83,13 @@ class Job:
         """Runs one case. An exception becomes its outcome."""
         start = time.perf_counter()
         try:
-            label = case.values.get(PUPPET)
-            prepared = case.with_marionette(None if label is None else self._marionette(label))
-            figures = as_figures(self.study(prepared), self.names)
+            label = case.values.get(PUPPET_KEY)
+            case_with_puppet = case.with_marionette(
+                None if label is None else self._marionette(label)
+            )
+            figures = as_figures(self.study(case_with_puppet), self.names)
         except BaseException as error:
-            return Outcome({}, time.perf_counter() - start, Failure.of(error))
+            return Outcome({}, time.perf_counter() - start, Failure.from_exception(error))
         return Outcome(figures, time.perf_counter() - start)
 
     def _marionette(self, label: str) -> Marionette:

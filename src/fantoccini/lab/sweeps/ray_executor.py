@@ -9,7 +9,7 @@ from typing import Any
 from fantoccini.base import MissingLibraryError
 from fantoccini.kernel.runtime import default_threads
 from fantoccini.lab.sweeps.case import Case
-from fantoccini.lab.sweeps.executors import Completed
+from fantoccini.lab.sweeps.executors import CompletedTask
 from fantoccini.lab.sweeps.outcome import Failure, Job, Outcome
 
 _OBJECT_STORE_BYTES = 200_000_000
@@ -36,8 +36,8 @@ class RayExecutor:
         except ImportError:
             raise MissingLibraryError("on='ray'", "Ray", "ray") from None
         self._ray = ray
-        self._started_here = not ray.is_initialized()
-        if self._started_here:
+        self._owns_cluster = not ray.is_initialized()
+        if self._owns_cluster:
             connect(ray, workers, address)
         self._workers = workers
         self._tasks: dict[Any, tuple[Case, ...]] = {}
@@ -68,7 +68,7 @@ class RayExecutor:
         """See :meth:`Executor.submit`."""
         self._tasks[self._run.remote(cases)] = cases
 
-    def collect(self, timeout: float) -> list[Completed]:
+    def collect(self, timeout: float) -> list[CompletedTask]:
         """See :meth:`Executor.collect`."""
         tasks = list(self._tasks)
         ready, _ = self._ray.wait(tasks, num_returns=1, timeout=timeout)
@@ -81,10 +81,10 @@ class RayExecutor:
         for task in self._tasks:
             self._ray.cancel(task, force=True)
         self._tasks.clear()
-        if self._started_here:
+        if self._owns_cluster:
             self._ray.shutdown()
 
-    def _completed(self, task: Any) -> Completed:
+    def _completed(self, task: Any) -> CompletedTask:
         cases = self._tasks.pop(task)
         try:
             return cases, self._ray.get(task)

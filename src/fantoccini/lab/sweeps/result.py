@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from fantoccini.base import Array, UnknownNameError, write_table
-from fantoccini.lab.sweeps.case import PUPPET, Case
+from fantoccini.lab.sweeps.case import PUPPET_KEY, Case
 from fantoccini.lab.sweeps.design import Design
 from fantoccini.lab.sweeps.outcome import Failure, Outcome
 
@@ -78,25 +78,32 @@ class SweepResult:
     @cached_property
     def names(self) -> tuple[str, ...]:
         """Names of the figures, in order of first appearance."""
-        return tuple(dict.fromkeys(name for o in self.outcomes if o for name in o.figures))
+        return tuple(
+            dict.fromkeys(name for outcome in self.outcomes if outcome for name in outcome.figures)
+        )
 
     @cached_property
     def done(self) -> Array:
         """(n_cases,) bool: finished without a failure."""
-        return np.array([o is not None and o.failure is None for o in self.outcomes], dtype=bool)
+        return np.array(
+            [outcome is not None and outcome.failure is None for outcome in self.outcomes],
+            dtype=bool,
+        )
 
     @property
     def seconds(self) -> Array:
         """(n_cases,) duration of each case [s]; NaN if it was not run."""
-        return np.array([np.nan if o is None else o.seconds for o in self.outcomes])
+        return np.array(
+            [np.nan if outcome is None else outcome.seconds for outcome in self.outcomes]
+        )
 
     @cached_property
     def failures(self) -> tuple[FailedCase, ...]:
         """The cases that failed, in order."""
         return tuple(
-            FailedCase(k, self.design.labels[k], self.design.cases[k].repeat, o.failure)
-            for k, o in enumerate(self.outcomes)
-            if o is not None and o.failure is not None
+            FailedCase(k, self.design.labels[k], self.design.cases[k].repeat, outcome.failure)
+            for k, outcome in enumerate(self.outcomes)
+            if outcome is not None and outcome.failure is not None
         )
 
     def case(self, *place: int) -> Case:
@@ -107,7 +114,7 @@ class SweepResult:
         """
         index = place[0] if len(place) == 1 else int(np.ravel_multi_index(place, self.shape))
         case = self.design.cases[index]
-        label = case.values.get(PUPPET)
+        label = case.values.get(PUPPET_KEY)
         return case.with_marionette(None if label is None else self.design.puppets[label])
 
     def columns(self) -> dict[str, Array]:
@@ -139,9 +146,9 @@ class SweepResult:
         for name, column in self.columns().items():
             if column.dtype == object:
                 raise ValueError(f"the arrays of {name} differ in shape; they cannot be columns")
-            for place in np.ndindex(column.shape[1:]):
-                index = f"[{','.join(map(str, place))}]" if place else ""
-                flat[name + index] = column[(slice(None), *place)].tolist()
+            for array_index in np.ndindex(column.shape[1:]):
+                suffix = f"[{','.join(map(str, array_index))}]" if array_index else ""
+                flat[name + suffix] = column[(slice(None), *array_index)].tolist()
         write_table(flat, path)
 
     def _column(self, name: str) -> Array:
@@ -150,19 +157,19 @@ class SweepResult:
             return _stack([np.array(labels[name]) for labels in self.design.labels])
         if name not in self.names:
             raise UnknownNameError("value or figure", name, (*self.design.names, *self.names))
-        return _stack([o.figures.get(name) if o else None for o in self.outcomes])
+        return _stack([outcome.figures.get(name) if outcome else None for outcome in self.outcomes])
 
 
 def _stack(figures: list[np.ndarray | None]) -> Array:
     """Arrays along a new first axis, NaN or "" for None; of dtype object if they do not match."""
     present = [x for x in figures if x is not None]
-    shapes, kinds = {x.shape for x in present}, {x.dtype.kind for x in present}
-    if len(shapes) > 1 or ("U" in kinds and len(kinds) > 1):
+    shapes, dtype_kinds = {x.shape for x in present}, {x.dtype.kind for x in present}
+    if len(shapes) > 1 or ("U" in dtype_kinds and len(dtype_kinds) > 1):
         ragged = np.empty(len(figures), dtype=object)
         for k, x in enumerate(figures):
             ragged[k] = x
         return ragged
     if len(present) == len(figures):
         return np.stack(present)
-    gap = np.full(present[0].shape, "" if "U" in kinds else np.nan)
-    return np.stack([gap if x is None else x for x in figures])
+    missing_value = np.full(present[0].shape, "" if "U" in dtype_kinds else np.nan)
+    return np.stack([missing_value if x is None else x for x in figures])

@@ -111,10 +111,10 @@ def sweep(
     if address is not None and on != "ray":
         raise ValueError("address goes with on='ray'")
     design = make_design(over, draw, seeds, seed, puppet)
-    disk = None if store is None else Store(store, _manifest(study, design, seed, version))
+    case_store = None if store is None else Store(store, _manifest(study, design, seed, version))
     outcomes: list[Outcome | None] = [None] * len(design.cases)
-    if disk is not None:
-        outcomes = [disk.read(key) for key in design.keys]
+    if case_store is not None:
+        outcomes = [case_store.read(key) for key in design.keys]
         if retry:
             outcomes = [None if o is not None and o.failure else o for o in outcomes]
     remaining = [
@@ -128,11 +128,13 @@ def sweep(
             )
             try:
                 with reporting("sweeping", _callback(progress), counted=True) as report:
-                    _run(executor, remaining, Recorder(design, outcomes, disk, report))
+                    _run(executor, remaining, Recorder(design, outcomes, case_store, report))
             finally:
                 executor.close()
         except KeyboardInterrupt:
-            raise SweepStopped(_stopped(outcomes, store), SweepResult(design, outcomes)) from None
+            raise SweepStopped(
+                _stop_message(outcomes, store), SweepResult(design, outcomes)
+            ) from None
     return SweepResult(design, outcomes)
 
 
@@ -140,32 +142,39 @@ def _callback(progress: bool | OnProgress) -> OnProgress | None:
     """The progress callback; None for a bar."""
     if callable(progress):
         return progress
-    return None if progress else lambda at: None
+    return None if progress else lambda event: None
 
 
 class Recorder:
     """Records outcomes in the list and the store, and reports progress."""
 
     def __init__(
-        self, design: Design, outcomes: list[Outcome | None], disk: Store | None, report: OnProgress
+        self,
+        design: Design,
+        outcomes: list[Outcome | None],
+        case_store: Store | None,
+        report: OnProgress,
     ):
-        self._design, self._outcomes, self._disk, self._report = design, outcomes, disk, report
+        self._design = design
+        self._outcomes = outcomes
+        self._store = case_store
+        self._report = report
         self._done = sum(o is not None for o in outcomes)
         self._failed = sum(o is not None and o.failure is not None for o in outcomes)
-        self._tell()
+        self._report_progress()
 
-    def _tell(self) -> None:
+    def _report_progress(self) -> None:
         self._report(Progress(done=self._done, total=len(self._outcomes), failed=self._failed))
 
     def record(self, case: Case, outcome: Outcome) -> None:
         """Adds the outcome of a case."""
-        if self._disk is not None:
+        if self._store is not None:
             k = case.index
-            self._disk.write(self._design.keys[k], outcome, self._design.labels[k])
+            self._store.write(self._design.keys[k], outcome, self._design.labels[k])
         self._outcomes[case.index] = outcome
         self._done += 1
         self._failed += outcome.failure is not None
-        self._tell()
+        self._report_progress()
 
 
 def _run(executor: Executor, cases: list[Case], recorder: Recorder) -> None:
@@ -174,14 +183,14 @@ def _run(executor: Executor, cases: list[Case], recorder: Recorder) -> None:
     suspects: deque[Case] = deque()  # cases of a dead worker; each then runs alone in a task
     deaths: Counter[int] = Counter()
     # The median, because a worker's first case may compile a puppet.
-    recent = deque([executor.task_seconds], maxlen=DISPATCH.recent_cases)
+    recent_seconds = deque([executor.task_seconds], maxlen=DISPATCH.recent_cases)
     while remaining or suspects or executor.pending:
         capacity = executor.capacity
         while (remaining or suspects) and executor.pending < capacity:
             if suspects:
                 executor.submit((suspects.popleft(),))
                 continue
-            fitting_cases = executor.task_seconds / max(median(recent), 1e-9)
+            fitting_cases = executor.task_seconds / max(median(recent_seconds), 1e-9)
             fair_share = len(remaining) / capacity
             n = max(1, min(DISPATCH.max_cases_per_task, int(fitting_cases), int(fair_share)))
             executor.submit(tuple(remaining.popleft() for _ in range(n)))
@@ -193,14 +202,14 @@ def _run(executor: Executor, cases: list[Case], recorder: Recorder) -> None:
                     if deaths[case.index] < DISPATCH.max_worker_deaths:
                         suspects.append(case)
                     else:
-                        recorder.record(case, Outcome({}, 0.0, _worker_died()))
+                        recorder.record(case, Outcome({}, 0.0, _worker_death()))
                 continue
             for case, outcome in zip(task, outcomes, strict=True):
-                recent.append(outcome.seconds)
+                recent_seconds.append(outcome.seconds)
                 recorder.record(case, outcome)
 
 
-def _worker_died() -> Failure:
+def _worker_death() -> Failure:
     return Failure(
         "WorkerDied",
         f"the process that ran this case ended {DISPATCH.max_worker_deaths} times: it crashed, "
@@ -226,7 +235,7 @@ def _manifest(study: Study, design: Design, seed: int, version: str | None) -> d
     }
 
 
-def _stopped(outcomes: list[Outcome | None], store: str | Path | None) -> str:
+def _stop_message(outcomes: list[Outcome | None], store: str | Path | None) -> str:
     done = sum(o is not None for o in outcomes)
     advice = (
         f"{store} keeps them; run the same sweep again to resume"

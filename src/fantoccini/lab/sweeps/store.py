@@ -48,12 +48,12 @@ class Store:
         """The stored outcome of a case; None if it is missing or damaged."""
         try:
             arrays = npz.read(self._path(key))
-            about = npz.about_of(arrays)
-            figures = {n: arrays[f"{FIGURE_PREFIX}{k}"] for k, n in enumerate(about["figures"])}
-            if about["key"] != key:
+            metadata = npz.about_of(arrays)
+            figures = {n: arrays[f"{FIGURE_PREFIX}{k}"] for k, n in enumerate(metadata["figures"])}
+            if metadata["key"] != key:
                 return None
-            failure = None if about["failure"] is None else Failure(**about["failure"])
-            return Outcome(figures, float(about["seconds"]), failure)
+            failure = None if metadata["failure"] is None else Failure(**metadata["failure"])
+            return Outcome(figures, float(metadata["seconds"]), failure)
         except npz.UNREADABLE:
             return None
 
@@ -68,7 +68,7 @@ class Store:
         Raises:
             StoreError: the disk is full, or the folder is gone.
         """
-        about = {
+        metadata = {
             "key": key,
             "values": {name: str(label) for name, label in labels.items()},
             "seconds": outcome.seconds,
@@ -81,7 +81,7 @@ class Store:
         path = self._path(key)
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            npz.write(path, arrays, about)
+            npz.write(path, arrays, metadata)
         except OSError as error:
             raise StoreError(
                 f"cannot write a finished case to {self.folder}: {error}; earlier cases are kept; "
@@ -106,15 +106,15 @@ class Store:
         try:
             stored = json.loads(path.read_bytes())
             names = {**self._manifest, **stored}
-            differ = [name for name in names if stored.get(name) != self._manifest.get(name)]
+            differing = [name for name in names if stored.get(name) != self._manifest.get(name)]
         except (ValueError, TypeError) as error:
             raise StoreError(
                 f"{path} was not written by a sweep ({error}); give another folder"
             ) from None
-        if differ:
+        if differing:
             reasons = [
                 f"{name} is {stored.get(name)!r} there and {self._manifest.get(name)!r} here"
-                for name in differ
+                for name in differing
                 if name != "code"
             ] or ["the code or the settings of the study have changed (version='1' disables this)"]
             raise StoreError(

@@ -12,16 +12,16 @@ from fantoccini.base import Array, UnknownNameError
 from fantoccini.dynamics.compiled import Method, MethodName, as_method
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.dynamics.simulation import simulate
-from fantoccini.lab.sweeps.case import PARAMETER_PREFIX, PUPPET, Case
+from fantoccini.lab.sweeps.case import PARAMETER_PREFIX, PUPPET_KEY, Case
 from fantoccini.motion import Input, State, Trajectory
 
-INPUTS = "inputs"
+INPUTS_KEY = "inputs"
 """Name of the value that selects the inputs."""
-METHOD = "method"
+METHOD_KEY = "method"
 """Name of the value that selects the method."""
 METHOD_OPTIONS = ("rtol", "atol", "max_step", "dt", "extrapolate")
 """Options of methods that can be varied, for example in a convergence study."""
-OPTIONS = ("t_end", "save_every")
+SIMULATE_OPTIONS = ("t_end", "save_every")
 """Arguments of ``simulate`` that can be varied."""
 
 
@@ -99,7 +99,7 @@ class Trial:
     def __call__(self, case: Case) -> dict[str, Any]:
         """The figures of a simulated case by name."""
         run = self.run(case)
-        return {**_summary(run), **self._kept_columns(run)}
+        return {**_summary(run), **self._requested_columns(run)}
 
     def run(self, case: Case) -> Trajectory:
         """The trajectory of a case."""
@@ -113,18 +113,18 @@ class Trial:
         state_names = {*table.q_D, *table.q_K, *(f"v:{name}" for name in (*table.v_D, *table.v_K))}
         state_names |= {n[:-2] + "rotation" for n in state_names if n.endswith(".qw")}
         for name, value in case.values.items():
-            if name == INPUTS:
+            if name == INPUTS_KEY:
                 inputs = value
-            elif name == METHOD:
+            elif name == METHOD_KEY:
                 method = value
             elif name in METHOD_OPTIONS:
                 method_options[name] = value
-            elif name in OPTIONS:
+            elif name in SIMULATE_OPTIONS:
                 options[name] = value
             elif name in state_names:
                 start[name] = value
-            elif name != PUPPET and not name.startswith(PARAMETER_PREFIX):
-                allowed = {*state_names, *OPTIONS, *METHOD_OPTIONS, METHOD, INPUTS}
+            elif name != PUPPET_KEY and not name.startswith(PARAMETER_PREFIX):
+                allowed = {*state_names, *SIMULATE_OPTIONS, *METHOD_OPTIONS, METHOD_KEY, INPUTS_KEY}
                 raise UnknownNameError("value of a Trial", name, allowed)
         if inputs is not None and not isinstance(inputs, Input):
             inputs = Input.waypoints(marionette, inputs)
@@ -132,16 +132,16 @@ class Trial:
         if inputs is None and options["t_end"] is None:
             raise ValueError("a Trial without inputs needs t_end, the end of its runs [s]")
         if isinstance(method, str):
-            chosen = as_method(method, **method_options)
+            method_with_options = as_method(method, **method_options)
         else:
-            chosen = replace(method, **method_options)
-        return simulate(marionette, x0, inputs, method=chosen, throw=False, **options)
+            method_with_options = replace(method, **method_options)
+        return simulate(marionette, x0, inputs, method=method_with_options, throw=False, **options)
 
-    def _kept_columns(self, run: Trajectory) -> dict[str, Any]:
+    def _requested_columns(self, run: Trajectory) -> dict[str, Any]:
         columns, times = run.columns(), np.asarray(self.times)
         figures: dict[str, Any] = {}
-        inside = (times >= run.t[0]) & (times <= run.t[-1])
-        resampled = run.resample(times[inside]).columns() if inside.any() else {}
+        is_inside = (times >= run.t[0]) & (times <= run.t[-1])
+        resampled = run.resample(times[is_inside]).columns() if is_inside.any() else {}
         for entry in self.keep:
             statistic, _, column = entry.rpartition(" ")
             if column not in columns:
@@ -150,8 +150,8 @@ class Trial:
                 figures[entry] = STATISTICS[statistic](run.t, columns[column].astype(float))
             else:
                 figures[entry] = np.full(len(times), np.nan)
-                if inside.any():
-                    figures[entry][inside] = resampled[column]
+                if is_inside.any():
+                    figures[entry][is_inside] = resampled[column]
         return figures
 
 

@@ -21,7 +21,7 @@ from fantoccini.output.html import Page, Table, write_page
 from fantoccini.output.reports import identified_plots
 
 if TYPE_CHECKING:
-    from fantoccini.lab.identification import Identified
+    from fantoccini.lab.identification import IdentificationResult
 
 MAX_LISTED = 12
 """Largest number of outliers and of pairs that are listed."""
@@ -33,7 +33,7 @@ _HIGH_PRIOR_SHARE = 0.9
 """Share of prior knowledge above which an estimate is marked: the record adds little."""
 
 
-def identified_report(result: Identified, path: str | os.PathLike[str]) -> Path:
+def identified_report(result: IdentificationResult, path: str | os.PathLike[str]) -> Path:
     """Writes the report of an identification: one HTML file, pictures included.
 
     It has the estimates with their intervals, combinations that the record does not determine,
@@ -54,7 +54,7 @@ def identified_report(result: Identified, path: str | os.PathLike[str]) -> Path:
     return write_page(path, lambda: _page(result))
 
 
-def _page(result: Identified) -> Page:
+def _page(result: IdentificationResult) -> Page:
     record, reasons = result.record, doubts(result)
     title = record.name or record.marionette.name
     verdict = (
@@ -91,7 +91,7 @@ def _page(result: Identified) -> Page:
     return page
 
 
-def _key_numbers(result: Identified) -> str:
+def _key_numbers(result: IdentificationResult) -> str:
     record = result.record
     return (
         f"{result.t[-1] - result.t[0]:.1f} s of the puppet {record.marionette.name}, "
@@ -101,7 +101,7 @@ def _key_numbers(result: Identified) -> str:
     )
 
 
-def _prior_note(result: Identified) -> str:
+def _prior_note(result: IdentificationResult) -> str:
     if not prior_shares(result):
         return ""
     return (
@@ -110,7 +110,7 @@ def _prior_note(result: Identified) -> str:
     )
 
 
-def _fixed_note(result: Identified) -> str:
+def _fixed_note(result: IdentificationResult) -> str:
     """Parameters that were not estimated, and coordinates that the inputs do not move."""
     marionette = result.record.marionette
     unknowns = {unknown.name for unknown in result.record.unknowns}
@@ -125,7 +125,7 @@ def _fixed_note(result: Identified) -> str:
     return text
 
 
-def number_table(result: Identified) -> Table:
+def number_table(result: IdentificationResult) -> Table:
     """Estimates with their intervals, start values and prior knowledge."""
     unit, before = units(result.record), prior_shares(result)
     rows: list[tuple[str, ...]] = []
@@ -181,7 +181,7 @@ def rounded(x: float, deviation: float) -> str:
     return f"{x:.{digits}f}" if 0 <= digits <= 9 else f"{x:.6g}"
 
 
-def _undetermined(page: Page, result: Identified) -> None:
+def _undetermined(page: Page, result: IdentificationResult) -> None:
     """Adds the combinations of numbers that the record does not determine."""
     if not result.combinations:
         return
@@ -194,7 +194,7 @@ def _undetermined(page: Page, result: Identified) -> None:
     page.items(str(combination) for combination in result.combinations)
 
 
-def _correlated(page: Page, result: Identified) -> None:
+def _correlated(page: Page, result: IdentificationResult) -> None:
     n, C = len(result.names), result.correlation
     if n < 2:
         return
@@ -213,7 +213,7 @@ def _correlated(page: Page, result: Identified) -> None:
     page.drawing(identified_plots.correlations(result), "Correlations of the unknowns", share)
 
 
-def _residuals(page: Page, result: Identified) -> None:
+def _residuals(page: Page, result: IdentificationResult) -> None:
     """Adds the residuals: table, plots and outliers."""
     outliers = [
         f"{outlier.column} at {outlier.t:.3f} s {outlier.residual:+.1f}"
@@ -242,7 +242,7 @@ def _residuals(page: Page, result: Identified) -> None:
     page.text(f"Outliers, in standard deviations: {', '.join(outliers)}." if outliers else "")
 
 
-def residual_table(result: Identified) -> Table:
+def residual_table(result: IdentificationResult) -> Table:
     """Residuals of every column."""
     rows = tuple(
         (
@@ -273,7 +273,7 @@ def residual_table(result: Identified) -> Table:
     return Table(header, rows, wrong)
 
 
-def _largest_jumps(result: Identified) -> str:
+def _largest_jumps(result: IdentificationResult) -> str:
     """Sentence about the largest jumps, one for each time."""
     sizes, names = np.abs(result.jumps), jump_names(result)
     largest = np.max(sizes, axis=1)
@@ -286,7 +286,7 @@ def _largest_jumps(result: Identified) -> str:
     return f"The largest, relative to the drift: {', '.join(words)}." if words else ""
 
 
-def _jumps(page: Page, result: Identified) -> None:
+def _jumps(page: Page, result: IdentificationResult) -> None:
     """Adds the jumps between segments, which show where the model is wrong."""
     if len(result.starts) < 2:
         return

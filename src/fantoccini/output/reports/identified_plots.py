@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from fantoccini.lab.identification import Identified
+    from fantoccini.lab.identification import IdentificationResult
 
 _ROWS_OF_CHANNELS = 6
 """Rows of panels in a figure of channels."""
@@ -46,7 +46,9 @@ _MAX_LABELLED = 14
 """Largest number of unknowns for which correlations are written into the map."""
 
 
-def channels(result: Identified, theme: Theme = LIGHT) -> Iterator[tuple[Figure, list[str]]]:
+def channels(
+    result: IdentificationResult, theme: Theme = LIGHT
+) -> Iterator[tuple[Figure, list[str]]]:
     """Figures with samples and predictions over time, and the names of their channels."""
     names, units = result.record.channels.names, channel_units(result.record)
     measured = [j for j in range(len(names)) if np.any(np.isfinite(result.residuals[:, j]))]
@@ -60,7 +62,7 @@ def channels(result: Identified, theme: Theme = LIGHT) -> Iterator[tuple[Figure,
         yield figure, [names[j] for j in part]
 
 
-def _draw_channel(axes: Axes, result: Identified, j: int, theme: Theme) -> None:
+def _draw_channel(axes: Axes, result: IdentificationResult, j: int, theme: Theme) -> None:
     """Draws samples, predictions and outliers of channel j."""
     t, r = result.t, result.residuals[:, j]
     samples = result.predicted[:, j] + r
@@ -82,7 +84,9 @@ def _range(values: Array) -> tuple[float, float]:
     return low - margin, high + margin
 
 
-def residuals(result: Identified, theme: Theme = LIGHT) -> Iterator[tuple[Figure, list[str]]]:
+def residuals(
+    result: IdentificationResult, theme: Theme = LIGHT
+) -> Iterator[tuple[Figure, list[str]]]:
     """Figures with residuals relative to the noise, over time and as histograms, by group."""
     for part in chunks(_groups(result), _MAX_GROUPS):
         figure = blank_figure((WIDTH, 50 + 122 * len(part)), facecolor=theme.upper_background)
@@ -104,7 +108,7 @@ def residuals(result: Identified, theme: Theme = LIGHT) -> Iterator[tuple[Figure
         yield figure, [name for name, _ in part]
 
 
-def _groups(result: Identified) -> list[tuple[str, list[int]]]:
+def _groups(result: IdentificationResult) -> list[tuple[str, list[int]]]:
     """Channels with samples, grouped by the noise that they share."""
     groups: dict[str, list[int]] = {}
     for j, group in enumerate(result.record.channels.groups):
@@ -113,12 +117,14 @@ def _groups(result: Identified) -> list[tuple[str, list[int]]]:
     return list(groups.items())
 
 
-def _scaled(result: Identified, j: int) -> Array:
+def _scaled(result: IdentificationResult, j: int) -> Array:
     """(N,) residuals of channel j, relative to its noise."""
     return np.asarray(result.residuals[:, j] / result.noise[result.record.channels.names[j]])
 
 
-def _draw_residuals(axes: Axes, result: Identified, indices: list[int], theme: Theme) -> None:
+def _draw_residuals(
+    axes: Axes, result: IdentificationResult, indices: list[int], theme: Theme
+) -> None:
     t = result.t
     _shade_rejected(axes, result)
     axes.axhspan(-2.0, 2.0, color=theme.muted, alpha=0.13, linewidth=0.0)
@@ -149,7 +155,9 @@ def _draw_residuals(axes: Axes, result: Identified, indices: list[int], theme: T
         )
 
 
-def _draw_histogram(axes: Axes, result: Identified, indices: list[int], theme: Theme) -> None:
+def _draw_histogram(
+    axes: Axes, result: IdentificationResult, indices: list[int], theme: Theme
+) -> None:
     z = np.concatenate([_scaled(result, j) for j in indices])
     z = np.clip(z[np.isfinite(z)], -_MAX_RESIDUAL, _MAX_RESIDUAL)
     edges = np.linspace(-_MAX_RESIDUAL, _MAX_RESIDUAL, 41)
@@ -178,7 +186,7 @@ def _running_mean(t: Array, z: Array) -> Array:
     return np.asarray(np.where(enough, (total[high] - total[low]) / np.maximum(n, 1), np.nan))
 
 
-def jumps(result: Identified, theme: Theme = LIGHT) -> Figure:
+def jumps(result: IdentificationResult, theme: Theme = LIGHT) -> Figure:
     """Figure of jumps between segments: the largest, and those of every coordinate.
 
     They are relative to the allowed drift.
@@ -251,7 +259,7 @@ def jumps(result: Identified, theme: Theme = LIGHT) -> Figure:
     return figure
 
 
-def correlations(result: Identified, theme: Theme = LIGHT) -> Figure:
+def correlations(result: IdentificationResult, theme: Theme = LIGHT) -> Figure:
     """Map of the correlations of the unknowns' errors; grey where one is undetermined."""
     names, n = [one_line(name, 26) for name in result.names], len(result.names)
     cell = 40 if n <= _MAX_LABELLED else 20
@@ -300,7 +308,7 @@ def _shade_gaps(axes: Axes, t: Array, finite: Array, theme: Theme) -> None:
         axes.axvspan(ends[k], ends[k + 1], color=theme.muted, alpha=0.2, linewidth=0.0)
 
 
-def _shade_rejected(axes: Axes, result: Identified) -> None:
+def _shade_rejected(axes: Axes, result: IdentificationResult) -> None:
     """Shades the rejected segments."""
     delay = result.delay
     for begin, end in pairwise([*result.starts.tolist(), float(result.t[-1]) - delay]):

@@ -116,7 +116,7 @@ def _draw_poses(
                 linewidth=thickness * unit,
                 zorder=4.0,
             )
-    for contact in optimum.touched:
+    for contact in optimum.closest_approaches:
         spot = layout.camera.project(np.array([contact.touch.place], dtype=float), layout.viewport)
         sheet.axes.plot(
             spot[:, 0],

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from fantoccini.base import Array, StateError, Status, check_positive
-from fantoccini.control.optimal import Draws, tune
+from fantoccini.control.optimal import DrawOptions, tune
 from fantoccini.control.tasks import AnswerStatus
 from fantoccini.dynamics.compiled import TimeStepping
 from fantoccini.dynamics.marionette import Marionette
@@ -43,7 +43,7 @@ _CHECK_TIME_STEP, _CHECK_SAVE_EVERY = 1e-3, 5
 """Time step of the run that decides whether a gait walks [s], and the steps between samples."""
 _TIME_AFTER = 0.3
 """Time after the last step [s]."""
-_ROUNDS, _DRAWS = 8, Draws(runs=16, generations=4)
+_ROUNDS, _DRAWS = 8, DrawOptions(runs=16, generations=4)
 """Default number of searches in a row, and their draws."""
 _SPREADS = {
     "duty": 0.05,
@@ -118,7 +118,7 @@ def find_gait(
     *,
     member: str = "",
     rounds: int = _ROUNDS,
-    draws: Draws = _DRAWS,
+    draws: DrawOptions = _DRAWS,
 ) -> TunedGait:
     """Gait for a puppet on its floor, and whether it walks; from the cache if there.
 
@@ -220,7 +220,9 @@ def _unpacked(first: Gait, arrays: list[Array]) -> TunedGait:
     return TunedGait(dataclasses.replace(first, **values), feet)
 
 
-def _searched(steps: _Steps, first: Gait, rounds: int, draws: Draws) -> tuple[TunedGait, bool]:
+def _searched(
+    steps: _Steps, first: Gait, rounds: int, draws: DrawOptions
+) -> tuple[TunedGait, bool]:
     """Gait of the least cost with its feet, and whether the search was complete.
 
     Spreads are halved after a search that finds nothing better. The search ends early when the feet
