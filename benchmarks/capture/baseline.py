@@ -29,7 +29,13 @@ from scipy.ndimage import gaussian_filter1d
 import fantoccini as fan
 from fantoccini.base.arrays import Times
 from fantoccini.base.errors import ARRIVED
-from fantoccini.theatre.retarget import PartError, Retargeted, figure_of, follow_clip, retarget_clip
+from fantoccini.theatre.retarget import (
+    PartError,
+    RetargetedClip,
+    figure_of,
+    follow_clip,
+    retarget_clip,
+)
 from fantoccini.theatre.retarget.deviations import errors_of, report_of
 from fantoccini.theatre.retarget.following import eased
 
@@ -41,7 +47,7 @@ LABELS = ("kinematics", "+ nominal", "+ identified", "+ lag", "hanging", "follow
 
 
 def measured(
-    clip: Retargeted, t: Times, inputs: fan.Input, start: fan.State, late: bool = False
+    clip: RetargetedClip, t: Times, inputs: fan.Input, start: fan.State, late: bool = False
 ) -> tuple[tuple[PartError, ...], str]:
     """Errors of an event-driven run, and a remark."""
     run = fan.simulate(clip.marionette, start, inputs, effort=False, throw=False)
@@ -55,7 +61,7 @@ def measured(
     return report_of(clip, scored[best]), remark
 
 
-def hanging(clip: Retargeted) -> fan.Input:
+def hanging(clip: RetargetedClip) -> fan.Input:
     """The hands of the nearest hanging poses, smoothed as the inputs of follow_clip."""
     t = eased(clip.t)
     times = np.arange(0.0, t[-1], 0.01)

@@ -32,12 +32,12 @@ from fantoccini.base.arrays import Array, Times, check_positive
 from fantoccini.base.errors import StateError
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import Input, State
-from fantoccini.theatre.retarget.following import ACCELERATION, SPEED, eased
+from fantoccini.theatre.retarget.following import MAX_ACCELERATION, MAX_SPEED, eased
 from fantoccini.theatre.retarget.retargeting import (
     WEIGHTS,
-    Retargeted,
+    RetargetedClip,
     TiedString,
-    places_in,
+    part_positions,
     tied_strings,
     vertical_strings,
 )
@@ -71,10 +71,10 @@ class KinematicMotion:
         errors: part -> (n,) distance of the poses from the part's target [m].
         inputs: the motion of the hands.
         widths: string -> standard deviation of the smoothing with which bounds hold [s].
-        t: (T,) times of the clip's frames in the run, as in :class:`Followed` [s].
+        t: (T,) times of the clip's frames in the run, as in :class:`FollowResult` [s].
     """
 
-    retargeted: Retargeted
+    retargeted: RetargetedClip
     times: Times
     q_D: Array
     errors: Mapping[str, Array]
@@ -91,12 +91,12 @@ class KinematicMotion:
 
 
 def kinematic_inputs(
-    retargeted: Retargeted,
+    retargeted: RetargetedClip,
     feed_forward: bool | Swing = True,
     *,
     lag: float = 0.0,
-    speed: float = SPEED,
-    acceleration: float = ACCELERATION,
+    speed: float = MAX_SPEED,
+    acceleration: float = MAX_ACCELERATION,
 ) -> KinematicMotion:
     """The motion of the hands by inverse kinematics and swing feed-forward; see the module.
 
@@ -128,7 +128,7 @@ def kinematic_inputs(
         wanted = _lagging(wanted, frame / lag)
     q_D = poses_near(retargeted, wanted)
     poses = marionette.poses(q_D, np.broadcast_to(start.q_K, (len(q_D), len(start.q_K))))
-    positions = places_in(figure, poses)
+    positions = part_positions(figure, poses)
     errors = {
         part: np.linalg.norm(positions[part] - wanted[:, i], axis=1)
         for i, part in enumerate(WEIGHTS)
@@ -205,7 +205,7 @@ def _bounded(
     )
 
 
-def poses_near(retargeted: Retargeted, wanted: Array) -> Array:
+def poses_near(retargeted: RetargetedClip, wanted: Array) -> Array:
     """(n, n_qD) poses nearest to places, each starting from the previous.
 
     Args:
@@ -222,7 +222,7 @@ def poses_near(retargeted: Retargeted, wanted: Array) -> Array:
     def step(q: Array, target: Array) -> Array:
         """(n,) Gauss-Newton step at a pose."""
         near = marionette.integrate(q, nudges)
-        places = places_in(figure, marionette.poses(near, q_K))
+        places = part_positions(figure, marionette.poses(near, q_K))
         off = np.stack([places[part] for part in WEIGHTS], axis=1) - target
         at = {"q_D": near, "q_K": q_K, "p": marionette.p}
         h = marionette.library.evaluate("rows", **at).h[:, n_strings:]

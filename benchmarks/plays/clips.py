@@ -21,10 +21,10 @@ from scipy.spatial.transform import Rotation
 
 import fantoccini as fan
 from fantoccini.theatre.capture import clip_names
-from fantoccini.theatre.capture.bvh import bundled_clip
+from fantoccini.theatre.capture.bvh import bundled_clip_path
 from fantoccini.theatre.retarget import clip_gesture, place_on_spot
 from fantoccini.theatre.retarget.deviations import GROUPS
-from fantoccini.theatre.retarget.retargeting import places_in
+from fantoccini.theatre.retarget.retargeting import part_positions
 
 PLAY = """play: clip
 cast:
@@ -55,7 +55,7 @@ def measured(path: Path, folder: Path, walks: bool) -> str:
         acceleration=bounds.acceleration,
     )
     run, clip = check.run.resample(cue_of_play.start + gesture.t), gesture.retargeted
-    seen = places_in(clip.figure, player.marionette.poses(run.q_D, run.q_K))
+    seen = part_positions(clip.figure, player.marionette.poses(run.q_D, run.q_K))
     at, heading = np.array([player.start.x, player.start.y]), player.start.heading
     for way in play.ways["pierrot"]:
         (at,), (heading,) = way.footing(np.array([cue_of_play.start]))
@@ -87,7 +87,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         (folder / "own").mkdir()
-        paths = [bundled_clip(name) for name in clip_names()] + write(folder / "own", "lafan1")
+        paths = [bundled_clip_path(name) for name in clip_names()] + write(folder / "own", "lafan1")
         print(f"| clip | length | compiled in | {' | '.join(GROUPS)} | faults |")
         for path in paths:
             if not arguments.clips or path.stem in arguments.clips:

@@ -21,7 +21,7 @@ from fantoccini.theatre.retarget import (
     retargeting,
 )
 from fantoccini.theatre.retarget.deviations import GROUPS, losses_of, lost_share
-from fantoccini.theatre.retarget.following import ACCELERATION, SPEED, FollowStatus, eased
+from fantoccini.theatre.retarget.following import MAX_ACCELERATION, MAX_SPEED, FollowStatus, eased
 from fantoccini.theatre.retarget.mapping import PARTS, joints_of
 from fantoccini.theatre.retarget.placing import place
 
@@ -222,8 +222,8 @@ def test_a_waving_person_is_followed_within_the_bounds(marionette, tmp_path):
     done = []
     follow = fan.theatre.follow_clip(marionette, path, progress=lambda at: done.append(at.share))
     assert follow and follow.run.t[-1] > follow.t[-1]
-    assert np.max(np.abs(follow.run.v_K)) <= SPEED * (1 + 1e-9)
-    assert np.max(np.abs(follow.acc_K)) <= ACCELERATION * (1 + 1e-9)
+    assert np.max(np.abs(follow.run.v_K)) <= MAX_SPEED * (1 + 1e-9)
+    assert np.max(np.abs(follow.acc_K)) <= MAX_ACCELERATION * (1 + 1e-9)
     assert done[-1] == 1.0 and done == sorted(done)
     errors = {part.name: part for part in follow.report}
     assert set(errors) == set(GROUPS)

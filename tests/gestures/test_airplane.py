@@ -89,7 +89,7 @@ def test_bundled_gestures_move_its_bars_within_the_bounds_of_the_others(airplane
     gesture = load_gesture(airplane, name)
     assert gesture.uses == moved
     np.testing.assert_allclose(gesture.ends[0][1], gesture.travel, atol=1e-12)
-    bounds = fan.theatre.gestures.limits(airplane.coordinates, 1.2, 11.0)
+    bounds = fan.theatre.gestures.motion_bounds(airplane.coordinates, 1.2, 11.0)
     assert np.all(gesture.peaks <= bounds * 1.002)
 
 

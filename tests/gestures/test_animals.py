@@ -14,15 +14,15 @@ import fantoccini as fan
 from fantoccini.base.errors import FileError, StateError
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.theatre.gestures import (
-    ACCELERATION,
-    SPEED,
+    MAX_ACCELERATION,
+    MAX_SPEED,
     BodyParts,
-    bundled,
+    bundled_gesture_path,
     gesture_names,
-    limits,
     load_gesture,
+    motion_bounds,
 )
-from fantoccini.theatre.gestures.body_parts import moves_of
+from fantoccini.theatre.gestures.body_parts import string_moves
 
 pytestmark = [pytest.mark.medium, pytest.mark.own_puppets]
 
@@ -213,7 +213,10 @@ def test_ends_of_a_trunk_are_told_by_the_places_of_the_carrying_strings(puppets)
         "other bird": (("front",), ("back_l", "back_r")),
     }
     for name, (front, hind) in expected.items():
-        assert BodyParts.of(puppets[name]).trunk_ends == {"trunk_front": front, "trunk_hind": hind}
+        assert BodyParts.for_puppet(puppets[name]).trunk_ends == {
+            "trunk_front": front,
+            "trunk_hind": hind,
+        }
 
 
 def test_sizes_of_other_parts_scale_offsets(puppets, tmp_path):
@@ -253,17 +256,19 @@ def test_mistakes_in_scaled_by(entry, puppets, tmp_path, monkeypatch):
 def test_limbs_without_strings_stay_out_of_a_plural(puppets):
     body = puppets["other bird"].body_map
     assert body.parts["neck"].strings == ()
-    body_parts = BodyParts.of(puppets["other bird"])
+    body_parts = BodyParts.for_puppet(puppets["other bird"])
     assert body_parts.moves("necks.up") == []
     with pytest.raises(StateError, match="it moves neck, which no string of heron moves"):
         body_parts.moves("neck.up")
     with pytest.raises(StateError, match="it moves necks, which no string of heron moves"):
-        moves_of(body_parts, ["necks.up"])
+        string_moves(body_parts, ["necks.up"])
 
 
 def test_only_moves_that_a_puppet_has_need_a_size(puppets):
     scaled_by = {"trunk": "whole", "wings": "wing"}
-    moves = moves_of(BodyParts.of(puppets["dachshund"]), ["trunk.up", "wings.up"], scaled_by)
+    moves = string_moves(
+        BodyParts.for_puppet(puppets["dachshund"]), ["trunk.up", "wings.up"], scaled_by
+    )
     assert {part for part, _ in moves.values()} == {"trunk.up"}
 
 
@@ -277,7 +282,7 @@ def test_they_keep_to_the_default_bounds(puppets, name):
         except FileError:
             continue
         n += 1
-        peaks = gesture.peaks / limits(puppet.coordinates, SPEED, ACCELERATION)
+        peaks = gesture.peaks / motion_bounds(puppet.coordinates, MAX_SPEED, MAX_ACCELERATION)
         assert np.max(peaks) < 1.0 + 2e-3, animal
     assert n >= 2
 
@@ -331,6 +336,8 @@ def test_hang_brings_back_wings_and_tail(puppets):
 def test_no_bundled_gesture_names_a_string():
     """Bundled gestures have `parts` for any puppet, and neither `moves` nor `poses`."""
     for name in gesture_names():
-        if bundled(name).is_file():
-            keys = YAML(typ="safe").load(bundled(name).read_text(encoding="utf-8")).keys()
+        if bundled_gesture_path(name).is_file():
+            keys = (
+                YAML(typ="safe").load(bundled_gesture_path(name).read_text(encoding="utf-8")).keys()
+            )
             assert "parts" in keys and not keys & {"moves", "poses"}, name

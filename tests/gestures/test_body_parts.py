@@ -13,7 +13,7 @@ from fantoccini.base.errors import FileError, StateError
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import pieces
 from fantoccini.theatre import load_gesture
-from fantoccini.theatre.gestures import BodyParts, Ends, Step, steps
+from fantoccini.theatre.gestures import BodyParts, Ends, Step, step_gesture
 
 pytestmark = [pytest.mark.medium, pytest.mark.own_puppets]
 
@@ -188,7 +188,7 @@ def test_a_dog_walks_on_diagonal_pairs_of_legs(dachshund):
 
 
 def test_puppets_without_pairs_of_legs_do_not_walk(dachshund):
-    ends = Ends(BodyParts.of(dachshund), dachshund.rest())
+    ends = Ends(BodyParts.for_puppet(dachshund), dachshund.rest())
     body = ends.body_parts.body_map
     arms = tuple(dataclasses.replace(x, kind="arm") for x in body.limbs if x.kind == "leg")
     body_parts = dataclasses.replace(
@@ -197,7 +197,7 @@ def test_puppets_without_pairs_of_legs_do_not_walk(dachshund):
     with pytest.raises(
         StateError, match="it walks on pairs of legs, left and right; the puppet has arm_front"
     ):
-        steps(Ends(body_parts, dachshund.rest()), [Step(0.01)])
+        step_gesture(Ends(body_parts, dachshund.rest()), [Step(0.01)])
 
 
 def test_a_larger_puppet_points_and_looks(hans):

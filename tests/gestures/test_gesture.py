@@ -47,7 +47,7 @@ def test_directions_are_coordinates_with_signs(twins):
         "line_right.back": 0.02,
         "line_right.out": 0.03,
     }
-    gesture = fan.theatre.Gesture.of(
+    gesture = fan.theatre.Gesture.from_points(
         twins, {name: [(0, 0), (1, by)] for name, by in points.items()}
     )
     expected = {
@@ -65,7 +65,7 @@ def test_directions_are_coordinates_with_signs(twins):
 
 
 def test_lengths_may_have_units(twins):
-    gesture = fan.theatre.Gesture.of(
+    gesture = fan.theatre.Gesture.from_points(
         twins, {"line_left.up": [(0, "0 mm"), (1, "12 cm"), (2, 0.05)]}
     )
     assert offset(gesture, "line_left.length", 1.0) == pytest.approx(-0.12)
@@ -88,11 +88,11 @@ def test_lengths_may_have_units(twins):
 )
 def test_mistakes_are_named(twins, points, message):
     with pytest.raises(InputError, match=message):
-        fan.theatre.Gesture.of(twins, points)
+        fan.theatre.Gesture.from_points(twins, points)
 
 
 def test_a_mirror_exchanges_left_and_right(twins):
-    gesture = fan.theatre.Gesture.of(
+    gesture = fan.theatre.Gesture.from_points(
         twins,
         {
             "line_left.up": [(0, 0), (1, 0.1)],
@@ -111,13 +111,13 @@ def test_a_mirror_exchanges_left_and_right(twins):
 
 def test_without_a_twin_there_is_no_mirror():
     puppet = fan.loads(TWINS.replace("line_right", "cord"))
-    lone = fan.theatre.Gesture.of(puppet, {"line_left.up": [(0, 0), (1, 0.1)]})
+    lone = fan.theatre.Gesture.from_points(puppet, {"line_left.up": [(0, 0), (1, 0.1)]})
     with pytest.raises(UnknownNameError, match="line_right"):
         lone.mirrored()
 
 
 def test_gestures_are_scaled_sped_up_delayed_and_moved(twins):
-    gesture = fan.theatre.Gesture.of(
+    gesture = fan.theatre.Gesture.from_points(
         twins, {"line_left.up": [(0, 0), (1, 0.1), (2, 0)]}, marks={"up": 1.0}
     )
     assert offset(gesture.scaled(1.5), "line_left.length", 1.0) == pytest.approx(-0.15)
@@ -147,19 +147,21 @@ bodies:
 - {name: bob, parent: post, joint: {name: pin, type: revolute, axis: [0, 1, 0]}, mass: 1.0,
    com: [0, 0, -0.5], inertia: [0.1, 0.1, 0.01]}
 """)
-    lift = fan.theatre.Gesture.of(puppet, {"lever_left": [(0, 0), (1, "30 deg")]})
+    lift = fan.theatre.Gesture.from_points(puppet, {"lever_left": [(0, 0), (1, "30 deg")]})
     assert offset(lift.mirrored(), "lever_right", 1.0) == pytest.approx(np.radians(30))
     with pytest.raises(StateError, match="mirror image of the joint skew"):
-        fan.theatre.Gesture.of(puppet, {"skew": [(0, 0), (1, 0.1)]}).mirrored()
+        fan.theatre.Gesture.from_points(puppet, {"skew": [(0, 0), (1, 0.1)]}).mirrored()
 
 
 def test_marks_of_repetitions_are_numbered(twins):
-    gesture = fan.theatre.Gesture.of(
+    gesture = fan.theatre.Gesture.from_points(
         twins, {"line_left.up": [(0, 0), (1, 0.1), (2, 0)]}, marks={"up": 1.0}
     )
     assert gesture.repeated(3).marks == {"up": 1.0, "up 2": 3.0, "up 3": 5.0}
     with pytest.raises(ValueError, match="the mark 'up' is at 7 s"):
-        fan.theatre.Gesture.of(twins, {"line_left.up": [(0, 0), (1, 0.1)]}, marks={"up": 7.0})
+        fan.theatre.Gesture.from_points(
+            twins, {"line_left.up": [(0, 0), (1, 0.1)]}, marks={"up": 7.0}
+        )
     with pytest.raises(ValueError, match="a whole number"):
         gesture.repeated(1.5)
 
@@ -176,14 +178,16 @@ def test_peaks_are_those_of_the_motion(marionette):
 
 
 def test_simultaneous_gestures_add_up(twins):
-    up = fan.theatre.Gesture.of(twins, {"line_left.up": [(0, 0), (1, 0.1)]})
-    more = fan.theatre.Gesture.of(twins, {"line_left.up": [(0.25, 0), (0.75, 0.02), (1.5, 0)]})
+    up = fan.theatre.Gesture.from_points(twins, {"line_left.up": [(0, 0), (1, 0.1)]})
+    more = fan.theatre.Gesture.from_points(
+        twins, {"line_left.up": [(0.25, 0), (0.75, 0.02), (1.5, 0)]}
+    )
     both = up + more
     assert both.duration == 1.5
     for t in np.linspace(0.0, 1.5, 31):
         alone = offset(up, "line_left.length", min(t, 1.0)) + offset(more, "line_left.length", t)
         assert offset(both, "line_left.length", t) == pytest.approx(alone, abs=1e-15)
-    moving = fan.theatre.Gesture.of_input(
+    moving = fan.theatre.Gesture.from_input(
         fan.Input.segments(twins, [0.0, 1.0], twins.rest().q_K, np.zeros(12), 0.01 * np.eye(12)[:1])
     )
     with pytest.raises(StateError, match="ends in motion"):
@@ -192,8 +196,8 @@ def test_simultaneous_gestures_add_up(twins):
 
 def test_transitions_are_as_fast_as_the_bounds_allow(twins):
     """The largest speed and acceleration from rest to rest are 1.875 d/T and 5.7735 d/T^2."""
-    up = fan.theatre.Gesture.of(twins, {"line_left.up": [(0, 0), (1, 0.1)]})
-    again = fan.theatre.Gesture.of(twins, {"line_left.up": [(0, 0), (1, 0.1)]})
+    up = fan.theatre.Gesture.from_points(twins, {"line_left.up": [(0, 0), (1, 0.1)]})
+    again = fan.theatre.Gesture.from_points(twins, {"line_left.up": [(0, 0), (1, 0.1)]})
     for speed, acceleration in ((0.5, 100.0), (100.0, 4.0)):
         whole = up.then(again, speed=speed, acceleration=acceleration)
         lead = whole.duration - 2.0
@@ -203,13 +207,15 @@ def test_transitions_are_as_fast_as_the_bounds_allow(twins):
 
 
 def test_unused_coordinates_keep_their_values_and_travel_adds_up(twins):
-    walk = fan.theatre.Gesture.of(
+    walk = fan.theatre.Gesture.from_points(
         twins,
         {f"line_{side}.forward": [(0, 0), (1, 0.2)] for side in ("left", "right")},
         travels=True,
     )
-    lift = fan.theatre.Gesture.of(twins, {"line_left.up": [(0, 0), (1, 0.1)]})
-    sway = fan.theatre.Gesture.of(twins, {"line_left.forward": [(0, 0), (1, 0.05), (2, 0)]})
+    lift = fan.theatre.Gesture.from_points(twins, {"line_left.up": [(0, 0), (1, 0.1)]})
+    sway = fan.theatre.Gesture.from_points(
+        twins, {"line_left.forward": [(0, 0), (1, 0.05), (2, 0)]}
+    )
     whole = walk.then(lift, sway, walk)
     assert whole.duration == 5.0  # no transition is needed
     assert offset(whole, "line_left.x", 3.0) == pytest.approx(0.25)
@@ -222,7 +228,7 @@ def test_unused_coordinates_keep_their_values_and_travel_adds_up(twins):
 def test_a_recording_is_a_gesture(twins):
     x0 = twins.rest()
     inputs = fan.Input.waypoints(twins, {"line_left.length": [(1, 1.0), (2, 0.9), (3, 1.0)]})
-    gesture = fan.theatre.Gesture.of_input(inputs)
+    gesture = fan.theatre.Gesture.from_input(inputs)
     assert gesture.duration == 2.0
     back = gesture.inputs(x0)
     t = np.linspace(0.0, 2.0, 41)
@@ -246,7 +252,7 @@ def test_a_recorded_bar_turns_as_the_hands_turned_it():
     live.move("bar", there, level)
     live.advance(0.7)
     take = live.stop()
-    gesture = fan.theatre.Gesture.of_input(take.inputs)
+    gesture = fan.theatre.Gesture.from_input(take.inputs)
     t = np.linspace(0.0, take.duration, 1001)
     values = gesture.inputs(take.start).evaluate(t)
     wanted = take.inputs.evaluate(t + take.start.t)
@@ -270,7 +276,7 @@ def test_a_recorded_bar_turns_as_the_hands_turned_it():
         take.marionette, {"bar.rotation": [(0, [0, 0, 0]), (1, [0, 0, 2]), (2, [0, 0, 3.5])]}
     )
     with pytest.raises(StateError, match="deg at most"):
-        fan.theatre.Gesture.of_input(several_turns)
+        fan.theatre.Gesture.from_input(several_turns)
 
 
 def test_a_thousand_gestures_in_any_order_neither_jump_nor_break_bounds(marionette):

@@ -78,7 +78,7 @@ def test_bundled_gestures_move_their_coordinates(marionette):
 
 def test_a_file_equals_a_gesture_in_python(marionette, tmp_path):
     read = fan.theatre.load_gesture(marionette, written(tmp_path, GOOD))
-    gesture = fan.theatre.Gesture.of(
+    gesture = fan.theatre.Gesture.from_points(
         marionette,
         {
             "hand_right.length": [(0, 0), (1, -0.2), (2, 0)],

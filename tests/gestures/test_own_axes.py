@@ -120,7 +120,7 @@ def test_a_control_moves_in_the_direction_of_its_puppet(airplane, looking_left, 
 def test_the_mirror_image_is_that_in_the_puppets_own_plane(airplane, looking_left, name):
     moved = []
     for puppet in (looking_left, airplane):
-        image, _ = Style(mirrored=True).varied(load_gesture(puppet, name), puppet)
+        image, _ = Style(mirrored=True).apply(load_gesture(puppet, name), puppet)
         moved.append(held(puppet, image))
     assert_turned(*moved)
 
@@ -130,7 +130,7 @@ def test_ends_of_strings_have_their_mirror_image_in_the_puppets_own_plane(marion
     for name in ("wave", "shake"):
         moved = []
         for puppet in (left, marionette):
-            image, _ = Style(mirrored=True).varied(load_gesture(puppet, name), puppet)
+            image, _ = Style(mirrored=True).apply(load_gesture(puppet, name), puppet)
             moved.append(held(puppet, image))
         assert_turned(*moved)
 
@@ -225,6 +225,6 @@ rig: {trunk: [trunk], facing: [1, 0, 0], limbs: [], carrying: [left, right]}
         "- {name: columbine, puppet: turning.yaml, at: [1, 0, 0]}\n"
     )
     puppet = fan.load(path)
-    turn = Gesture.of(puppet, {"pierrot.x": [(0, 0), (1, "20 deg")]})
+    turn = Gesture.from_points(puppet, {"pierrot.x": [(0, 0), (1, "20 deg")]})
     np.testing.assert_allclose(turn.mirrored(puppet).offsets(1.0)[0], -turn.offsets(1.0)[0])
     np.testing.assert_allclose(turn.turned(0.3).offsets(1.0)[0], turn.offsets(1.0)[0])

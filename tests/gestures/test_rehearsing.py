@@ -7,7 +7,7 @@ import pytest
 
 import fantoccini as fan
 from fantoccini.base.errors import StateError
-from fantoccini.theatre.gestures import lateness
+from fantoccini.theatre.gestures import measure_lateness
 
 pytestmark = pytest.mark.slow
 
@@ -73,10 +73,10 @@ def test_walk_in_place_wave_and_bow_are_on_the_beat(rehearsal):
 
 
 def test_lateness_agrees_with_the_path(rehearsal):
-    assert rehearsal.late == lateness(rehearsal.score, rehearsal.run)
-    assert max(abs(late.seconds) for late in rehearsal.late) <= 0.02
-    assert max(abs(late.seconds) for late in rehearsal.before) > 0.1
-    strings = {(late.cue.gesture, late.string) for late in rehearsal.late}
+    assert rehearsal.final_lateness == measure_lateness(rehearsal.score, rehearsal.run)
+    assert max(abs(late.seconds) for late in rehearsal.final_lateness) <= 0.02
+    assert max(abs(late.seconds) for late in rehearsal.initial_lateness) > 0.1
+    strings = {(late.cue.gesture, late.string) for late in rehearsal.final_lateness}
     assert strings == {("march", "knee_left"), ("march", "knee_right"), ("wave", "hand_right")}
 
 

@@ -10,8 +10,8 @@ import pytest
 import fantoccini as fan
 from fantoccini.theatre.gestures.body_parts import BodyParts
 from fantoccini.theatre.gestures.ends import Ends
-from fantoccini.theatre.gestures.stepping import Step, Track, footing_after
-from fantoccini.theatre.gestures.walking import SWAY, steps
+from fantoccini.theatre.gestures.stepping import Step, StepPath, footing_after
+from fantoccini.theatre.gestures.walking import SWAY, step_gesture
 
 GIVEN = (
     Step(0, 0.5),
@@ -35,7 +35,9 @@ def hanging(marionette: fan.Marionette) -> fan.State:
 
 
 def made(marionette: fan.Marionette, given=GIVEN, step_time: float = 0.5) -> fan.theatre.Gesture:
-    return steps(Ends(BodyParts.of(marionette), hanging(marionette)), given, step_time)
+    return step_gesture(
+        Ends(BodyParts.for_puppet(marionette), hanging(marionette)), given, step_time
+    )
 
 
 def ends_at(marionette: fan.Marionette, gesture: fan.theatre.Gesture, t: float) -> np.ndarray:
@@ -68,11 +70,11 @@ def test_steps_end_where_their_arcs_do(marionette):
     np.testing.assert_allclose(last - home, z + np.exp(1j * heading) * (first - home), atol=1e-9)
     travel = [gesture.travel[marionette.coordinates.v_K.index(f"head.{part}")] for part in "xy"]
     np.testing.assert_allclose(complex(*travel), (last - first)[2], atol=1e-9)
-    assert gesture.turns
+    assert gesture.changes_heading
 
 
 def test_all_ends_follow_the_track_as_one_body(marionette):
-    gesture, track = made(marionette), Track(GIVEN, 0.5)
+    gesture, track = made(marionette), StepPath(GIVEN, 0.5)
     first = ends_at(marionette, gesture, 0.0)
     home = 0.5 * (first[0] + first[1])
     for t in np.linspace(0.0, gesture.duration, 457):
@@ -84,7 +86,7 @@ def test_all_ends_follow_the_track_as_one_body(marionette):
 
 
 def test_the_track_is_smooth_and_rests_between_legs():
-    track, t = Track(GIVEN, 0.5), np.linspace(0.0, 5.5, 55001)
+    track, t = StepPath(GIVEN, 0.5), np.linspace(0.0, 5.5, 55001)
     path, heading = track.at(t)
     for value, rate, change in (path, heading):
         np.testing.assert_allclose(np.gradient(value, t), rate, atol=2e-5)
@@ -98,7 +100,7 @@ def test_the_track_is_smooth_and_rests_between_legs():
 
 
 def test_three_equal_steps_have_the_speed_of_two():
-    speed = np.abs(Track([Step(0.08)] * 3, 0.5).at(np.linspace(0.0, 1.5, 301))[0][1])
+    speed = np.abs(StepPath([Step(0.08)] * 3, 0.5).at(np.linspace(0.0, 1.5, 301))[0][1])
     assert np.max(speed) == pytest.approx(3 * 0.08 / (2 * 0.5))
     np.testing.assert_allclose(speed[100:201], np.max(speed))
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.theatre.gestures import gesture_of_take, is_gesture, piecewise
+from fantoccini.theatre.gestures import gesture_from_take, is_gesture, piecewise
 
 
 @pytest.fixture(scope="module")
@@ -36,9 +36,9 @@ def test_a_score_names_a_take_beside_it(take, tmp_path):
 
 
 def test_coordinates_at_rest_are_not_part_of_the_gesture(take):
-    gesture = gesture_of_take(take.inputs, "reach")
+    gesture = gesture_from_take(take.inputs, "reach")
     assert gesture.uses == ("hand_left",) and gesture.name == "reach"
-    d, _ = piecewise.at(gesture.breaks, gesture.coef, take.duration)
+    d, _ = piecewise.evaluate(gesture.breaks, gesture.coef, take.duration)
     np.testing.assert_allclose(d, take.trajectory.q_K[-1] - take.start.q_K, atol=1e-12)
 
 

@@ -155,7 +155,9 @@ def test_a_second_walk_continues_in_the_new_direction(marionette):
 
 
 def test_turning_a_gesture_turns_its_directions(marionette):
-    forward = fan.theatre.Gesture.of(marionette, {"head.forward": [(0, 0), (1, 0.1)]}, travels=True)
+    forward = fan.theatre.Gesture.from_points(
+        marionette, {"head.forward": [(0, 0), (1, 0.1)]}, travels=True
+    )
     turned = forward.turned(np.radians(30.0))
     v = [marionette.coordinates.v_K.index(f"head.{part}") for part in "xy"]
     expected = [0.1 * np.cos(np.pi / 6), 0.1 * np.sin(np.pi / 6)]
@@ -219,7 +221,7 @@ def test_a_face_turns_with_all_ends(marionette, strings, turned):
         for part, offsets in (("x", d.real), ("y", d.imag)):
             points[f"{string}.{part}"] = list(zip(3.0 * angle, offsets, strict=True))
     rest = fan.theatre.Gesture.rest(marionette, 3.0, everything=False)
-    run = played(marionette, fan.theatre.Gesture.of(marionette, points).then(rest))
+    run = played(marionette, fan.theatre.Gesture.from_points(marionette, points).then(rest))
     face = marionette.pose(run.at(run.t[-1]), "skull")[:3, 0]
     assert np.degrees(np.arctan2(face[1], face[0])) == pytest.approx(turned, abs=2.0)
 

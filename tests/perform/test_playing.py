@@ -57,7 +57,7 @@ def test_a_gesture_is_added_to_the_positions_of_the_hands(marionette, gestures):
     begun = live.t
     for _ in range(int(wave.duration / live.tick)):
         x = live.step()
-        d, _ = piecewise.at(wave.breaks, wave.coef, live.t - begun)
+        d, _ = piecewise.evaluate(wave.breaks, wave.coef, live.t - begun)
         np.testing.assert_allclose(x.q_K, home + d, atol=2e-5)
     live.advance(0.5)
     assert live.playing == ()
@@ -152,7 +152,7 @@ def test_gestures_begin_on_time(marionette, gestures):
     np.testing.assert_array_equal(live.state.q_K, home)
     for _ in range(60):
         x = live.step()
-        d, _ = piecewise.at(nod.breaks, nod.coef, max(live.t - 0.503, 0.0))
+        d, _ = piecewise.evaluate(nod.breaks, nod.coef, max(live.t - 0.503, 0.0))
         np.testing.assert_allclose(x.q_K, home + d, atol=2e-5)
     # During its motion it begins later if the transition to its start takes longer.
     assert live.play(nod, after=0.0) > 0.0
@@ -174,7 +174,9 @@ def test_a_repetition_ends_on_request(marionette, gestures):
 
 def test_a_walk_takes_home_along(marionette):
     live = fan.Performance(marionette)
-    step = fan.theatre.Gesture.of(marionette, {"head.forward": [(0, 0), (1, "3 cm")]}, travels=True)
+    step = fan.theatre.Gesture.from_points(
+        marionette, {"head.forward": [(0, 0), (1, "3 cm")]}, travels=True
+    )
     x = live.target("head")[0][0]
     for _ in range(2):
         live.play(step)
@@ -325,7 +327,7 @@ def test_a_score_is_played_paused_and_set(marionette, score):
     home = live.state.q_K
 
     def agrees(atol: float = 2e-5) -> None:
-        d, _ = piecewise.at(score.gesture.breaks, score.gesture.coef, live.score.t)
+        d, _ = piecewise.evaluate(score.gesture.breaks, score.gesture.coef, live.score.t)
         np.testing.assert_allclose(live.state.q_K - home, d, atol=atol)
 
     live.play_score(score)

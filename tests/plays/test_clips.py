@@ -27,7 +27,7 @@ from fantoccini.theatre.retarget import (
 from fantoccini.theatre.retarget.deviations import GROUPS
 from fantoccini.theatre.retarget.mapping import joints_of
 from fantoccini.theatre.retarget.placing import place
-from fantoccini.theatre.retarget.retargeting import places_in
+from fantoccini.theatre.retarget.retargeting import part_positions
 from plays.conftest import HEAD, Plays
 from plays.test_play_file import checked_messages
 from plays.tiny import BALL
@@ -123,7 +123,7 @@ def test_the_limbs_follow_the_clip(
     own = player.marionette.coordinates
     q_D = run.q_D[:, [table.q_D.index(f"{who}.{name}") for name in own.q_D]]
     q_K = run.q_K[:, [table.q_K.index(f"{who}.{name}") for name in own.q_K]]
-    seen = places_in(retargeted.figure, player.marionette.poses(q_D, q_K))
+    seen = part_positions(retargeted.figure, player.marionette.poses(q_D, q_K))
     xy, heading = [player.start.x, player.start.y], player.start.heading
     for way in play.ways[who]:
         (xy,), (heading,) = way.footing(np.array([start]))

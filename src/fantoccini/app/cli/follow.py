@@ -23,10 +23,10 @@ from fantoccini.app.cli_support import (
 from fantoccini.theatre.capture import load_bvh
 from fantoccini.theatre.perform import Recording
 from fantoccini.theatre.retarget import (
-    ACCELERATION,
+    MAX_ACCELERATION,
     MAX_ERROR,
-    SPEED,
-    Followed,
+    MAX_SPEED,
+    FollowResult,
     FollowStatus,
     follow_clip,
     place_clip,
@@ -68,8 +68,8 @@ def follow_file(arguments: FollowArguments) -> None:
         followed = follow_clip(
             puppet,
             placed,
-            speed=arguments.speed or SPEED,
-            acceleration=arguments.acceleration or ACCELERATION,
+            speed=arguments.speed or MAX_SPEED,
+            acceleration=arguments.acceleration or MAX_ACCELERATION,
             progress=display.bar("following"),
         )
         if arguments.save is not None:
@@ -98,7 +98,7 @@ def follow_file(arguments: FollowArguments) -> None:
         raise typer.Exit(FAILED)
 
 
-def _remarks(followed: Followed) -> Iterator[str]:
+def _remarks(followed: FollowResult) -> Iterator[str]:
     """Remarks that explain the numbers in the report."""
     for remark in followed.retargeted.remarks:
         yield f"{remark} (--up)"
@@ -133,7 +133,7 @@ def _remarks(followed: Followed) -> Iterator[str]:
         )
 
 
-def _recording(followed: Followed) -> Recording:
+def _recording(followed: FollowResult) -> Recording:
     return Recording(
         followed.retargeted.marionette,
         followed.run.state(0),
@@ -143,7 +143,7 @@ def _recording(followed: Followed) -> Recording:
     )
 
 
-def _report(followed: Followed) -> None:
+def _report(followed: FollowResult) -> None:
     retargeted = followed.retargeted
     speed, acceleration = abs(followed.run.v_K).max(), abs(followed.acc_K).max()
     print_table(

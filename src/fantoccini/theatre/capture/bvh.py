@@ -73,7 +73,7 @@ def load_bvh(path: str | os.PathLike[str]) -> Capture:
     path = Path(path)
     try:
         if os.fspath(path) in clip_names() and not path.exists():
-            path = bundled_clip(str(path))
+            path = bundled_clip_path(str(path))
         if path.stat().st_size > _MAX_BYTES:
             _fail(path, None, f"has more than {_MAX_BYTES / 1e6:.0f} MB")
         text = decoded(path.read_bytes())
@@ -97,7 +97,7 @@ def clip_names() -> tuple[str, ...]:
     return tuple(sorted(p.stem for p in _CLIPS.glob("*.bvh")))
 
 
-def bundled_clip(name: str) -> Path:
+def bundled_clip_path(name: str) -> Path:
     """Path of a bundled clip."""
     return _CLIPS / f"{name}.bvh"
 

@@ -30,7 +30,7 @@ from fantoccini.theatre.script import (
     PlayFile,
     ScriptLog,
     Spot,
-    spelled,
+    file_key,
 )
 
 Pose = dict[str, Any]
@@ -199,7 +199,7 @@ def _check_bodies(file: PlayFile, players: Mapping[str, Player], log: ScriptLog)
     ]
     for a, act in enumerate(file.acts):
         for c, cue in enumerate(act.cues):
-            verb = spelled(cue.verb)
+            verb = file_key(cue.verb)
             names = {kind: getattr(cue, key) for key, kind in VERBS[cue.verb].names.items()}
             limbs = _needed_limbs(names)
             others = [names["player"]] if "prop" in names and "player" in names else []
@@ -209,7 +209,7 @@ def _check_bodies(file: PlayFile, players: Mapping[str, Player], log: ScriptLog)
         if who not in players or not limbs:
             continue
         try:
-            parts = BodyParts.of(players[who].marionette).body_map.parts
+            parts = BodyParts.for_puppet(players[who].marionette).body_map.parts
             missing = [limb for limb in limbs if limb not in parts]
             listed = ", ".join(parts) or "no limbs"
             reason = f"{file.cast[who].puppet} has no {', '.join(missing)}; it has {listed}"

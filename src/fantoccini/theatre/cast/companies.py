@@ -302,4 +302,4 @@ def in_scene(table: CoordinateTable, prefix: str, gesture: Gesture) -> Gesture:
         coef[:, to], named[to] = gesture.coef[:, v], gesture.named[v]
         travel[to] = gesture.travel[v]
     name, marks = gesture.name, gesture.marks
-    return Gesture(table, gesture.breaks, coef, named, travel, name, marks, gesture.turns)
+    return Gesture(table, gesture.breaks, coef, named, travel, name, marks, gesture.changes_heading)

@@ -18,13 +18,13 @@ from fantoccini.theatre.script import (
     GivesCue,
     PlayCue,
     PlayFile,
-    Reference,
     ScriptLog,
     Spot,
     Time,
     Timeline,
+    TimeReference,
+    is_walk,
     make_timeline,
-    walks,
 )
 
 _MAX_ACT_DURATION = 1800.0
@@ -72,20 +72,20 @@ def play_timeline(
             acts[-1].append(cue)
             cues.append(cue)
 
-    def player_time_before(n_before: int, spot: Spot, given: Time) -> Reference | float | None:
+    def player_time_before(n_before: int, spot: Spot, given: Time) -> TimeReference | float | None:
         match = _PLAYER_TIME.fullmatch(given.strip()) if isinstance(given, str) else None
         if match is None or match[1] not in file.cast:
             return None
         offset = float(match[4] or 0.0) * (-1.0 if match[3] == "-" else 1.0)
         walk = match[2] == "arrives"
         for earlier in reversed(cues[:n_before]):
-            if match[1] in earlier.who and (walks(earlier.given) or not walk):
+            if match[1] in earlier.who and (is_walk(earlier.entry) or not walk):
                 # An act begins after everything in the acts before it.
-                return Reference(earlier.spot, END, offset, in_act=True)
+                return TimeReference(earlier.spot, END, offset, in_act=True)
         log.mistakes.add(spot, f"{match[1]} has no {'walk' if walk else 'cue'} before this one")
         return 0.0
 
-    def player_time(cue: Cue[PlayCue], spot: Spot, given: Time) -> Reference | float | None:
+    def player_time(cue: Cue[PlayCue], spot: Spot, given: Time) -> TimeReference | float | None:
         return player_time_before(cue.index, spot, given)
 
     times: dict[Spot, Time] = {("times", name): float(beat) for name, beat in file.times.items()}
@@ -116,7 +116,7 @@ def _check_order(file: PlayFile, timeline: Timeline[PlayCue], log: ScriptLog) ->
     ]
     for act, spot in (*times, *shots):
         ref = timeline.refs[spot]
-        other = cue_at.get(ref.spot) if isinstance(ref, Reference) else None
+        other = cue_at.get(ref.spot) if isinstance(ref, TimeReference) else None
         if other is not None and other.act > act:
             line = log.located.line(other.spot)
             text = f"waits for {other.name} on line {line}, a cue of a later act"
@@ -137,10 +137,10 @@ def _check_entrances(file: PlayFile, timeline: Timeline[PlayCue], log: ScriptLog
     away: dict[str, bool] = dict.fromkeys(file.cast, True)
     for cue in timeline.cues:
         for who in cue.who:
-            if isinstance(cue.given, EntersToCue) and not away[who]:
+            if isinstance(cue.entry, EntersToCue) and not away[who]:
                 text = f"{who} is on the stage already; needed: `walks to`"
                 log.mistakes.add((*cue.spot, "enters to"), text)
-            away[who] = isinstance(cue.given, ExitsToCue)
+            away[who] = isinstance(cue.entry, ExitsToCue)
         for spot, start in cue.times:
             _check_length(start, spot, log)
 

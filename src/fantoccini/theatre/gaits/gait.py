@@ -2,7 +2,7 @@
 
     z_body(t) = path(t),   z_leg(t) = path(tau_leg(t)),   L_leg(t) = L_stance - lift up(t)
 
-z = x + i y is the place of string ends, path that of :class:`Track`, L_leg the length of a leg's
+z = x + i y is the place of string ends, path that of :class:`StepPath`, L_leg the length of a leg's
 strings. While a leg stands, tau_leg is constant, and its strings' ends are at the place that the
 body reaches in the middle of that time; while it swings, tau_leg advances with minimum jerk, and up
 rises from 0 to 1 and returns. Lengths are shares of the legs' mean length; a step is half a cycle.
@@ -27,12 +27,12 @@ from fantoccini.theatre.gestures import (
     Gesture,
     Pattern,
     Step,
-    Track,
+    StepPath,
+    gait_phases,
     leg_length,
     leg_strings,
     legs,
-    phases,
-    times,
+    scale_curve,
 )
 
 PREPARATION, CLOSING = 2.5, 1.0  # steps
@@ -54,7 +54,7 @@ class Gait:
     """Parameters of a gait.
 
     Attributes:
-        pattern: order of the legs; see :func:`phases`.
+        pattern: order of the legs; see :func:`gait_phases`.
         step_time: duration of a step [s].
         stride: distance of the body in a step, relative to the legs' length.
         duty: share of a cycle in which a leg stands. In a trot or hop with a duty below 0.5 all
@@ -128,7 +128,7 @@ class Gait:
         members = stage.puppet.members
         own = member or (members[0] if len(members) == 1 else "")
         x0 = stage.rest() if x0 is None else x0
-        ends = Ends(BodyParts.of(stage, own), x0)
+        ends = Ends(BodyParts.for_puppet(stage, own), x0)
         length = self.stride * leg_length(ends.body_parts.body_map)
         return self.gesture(ends, [Step(length, turn / steps)] * steps).inputs(x0)
 
@@ -157,11 +157,11 @@ class _Walk:
         self._gait, self._ends, self._n = gait, ends, len(steps)
         body_map = ends.body_parts.body_map
         self._L, self._legs = leg_length(body_map), legs(body_map)
-        self._phases = phases(body_map, gait.pattern)
+        self._phases = gait_phases(body_map, gait.pattern)
         self._leg_of_string = leg_strings(ends.body_parts)
         for string in self._leg_of_string:
             ends.check_driven(string)
-        self._track = Track(steps, gait.step_time)
+        self._track = StepPath(steps, gait.step_time)
         n_pieces = round((PREPARATION + self._n + CLOSING) * _PIECES_PER_STEP)
         self._clock: Times = np.arange(n_pieces + 1) / _PIECES_PER_STEP - PREPARATION
         self._down = self._rise(-PREPARATION, _LOWERING_TIME)
@@ -171,15 +171,17 @@ class _Walk:
         """The whole motion."""
         gait, ends, L = self._gait, self._ends, self._L
         path, heading = self._track.at(self._clock * gait.step_time)
-        offset = _sum(times(-1j * gait.body_lead * L, self._down), self._sway())
+        offset = _sum(scale_curve(-1j * gait.body_lead * L, self._down), self._sway())
         others = [name for name in ends.places if name not in self._leg_of_string]
-        ends.carry(path, heading, offset, others)
+        ends.move_rigidly(path, heading, offset, others)
         for string, length in self._lengths.items():
             if string in self._leg_of_string:
                 self._lift(string, length)
                 continue
             let_out = gait.lower + (gait.nod if string in self._looking else 0.0)
-            self._wind(string, times(self._from_start(string, length) + let_out * L, self._down))
+            self._wind(
+                string, scale_curve(self._from_start(string, length) + let_out * L, self._down)
+            )
         marks = {"down": PREPARATION * gait.step_time}
         clock = (self._clock + PREPARATION) * gait.step_time
         return ends.gesture(clock, "gait", marks, travels=True)
@@ -199,21 +201,25 @@ class _Walk:
     def _lift(self, string: str, length: float) -> None:
         """Moves the end of a leg's string and its length."""
         gait, ends, L = self._gait, self._ends, self._L
-        zero = times(0.0, self._down)
+        zero = scale_curve(0.0, self._down)
         tau, up, over = zero, zero, zero
         for begin, end, distance in self._swings(self._leg_of_string[string]):
             width = end - begin
             vertical, peak = gait.vertical_share * width, gait.peak_share * width
-            tau = _sum(tau, times(distance, self._rise(begin + vertical, width - 2.0 * vertical)))
+            tau = _sum(
+                tau, scale_curve(distance, self._rise(begin + vertical, width - 2.0 * vertical))
+            )
             up = _sum(up, self._bump(begin, begin + peak, end))
             bump = self._bump(begin, begin + _OVERSHOOT_PEAK * width, end)
-            over = _sum(over, times(0.5 * distance, bump))
-        forward = _sum(times(gait.leg_lead * L, self._down), times(gait.overshoot * L, over))
+            over = _sum(over, scale_curve(0.5 * distance, bump))
+        forward = _sum(
+            scale_curve(gait.leg_lead * L, self._down), scale_curve(gait.overshoot * L, over)
+        )
         path, heading = self._along(tau)
-        ends.carry(path, heading, times(-1j, forward), [string])
+        ends.move_rigidly(path, heading, scale_curve(-1j, forward), [string])
         loose = (gait.lower + gait.slack) * L
-        down = times(self._from_start(string, length) + loose, self._down)
-        self._wind(string, _sum(down, times(-(gait.lift * L + loose), up)))
+        down = scale_curve(self._from_start(string, length) + loose, self._down)
+        self._wind(string, _sum(down, scale_curve(-(gait.lift * L + loose), up)))
 
     def _swings(self, leg: str) -> list[tuple[float, float, float]]:
         """Start and end of each swing, and the distance of the leg in it, all in steps."""
@@ -240,18 +246,18 @@ class _Walk:
 
     def _sway(self) -> Curve:
         """Sway towards the sides of lifted legs."""
-        sway = times(0.0, self._down)
+        sway = scale_curve(0.0, self._down)
         for leg, limb in self._legs.items():
             side = self._gait.sway * self._L * _SIDES[limb.side]
             for begin, end, _ in self._swings(leg):
                 up = self._bump(begin, 0.5 * (begin + end), end)
-                sway = _sum(sway, times(2.0 * side / len(self._legs), up))
+                sway = _sum(sway, scale_curve(2.0 * side / len(self._legs), up))
         return sway
 
     def _bump(self, begin: float, peak: float, end: float) -> Curve:
         """Curve from 0 to 1 and back, between times in steps."""
         up, down = self._rise(begin, peak - begin), self._rise(peak, end - peak)
-        return _sum(up, times(-1.0, down))
+        return _sum(up, scale_curve(-1.0, down))
 
     def _rise(self, begin: float, width: float) -> Curve:
         """Minimum jerk from 0 to 1, from a time on and for a time, in steps."""

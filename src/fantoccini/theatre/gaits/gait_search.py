@@ -170,7 +170,9 @@ class _Steps:
     def of(cls, stage: Marionette, member: str) -> _Steps:
         """Steps of a puppet, or of a scene's member."""
         members = stage.puppet.members
-        body_parts = BodyParts.of(stage, member or (members[0] if len(members) == 1 else ""))
+        body_parts = BodyParts.for_puppet(
+            stage, member or (members[0] if len(members) == 1 else "")
+        )
         x0 = stage.rest()
         return cls(body_parts, x0, standing_lengths(body_parts, x0))
 

@@ -9,7 +9,7 @@ import numpy as np
 from fantoccini.base import Array, StateError
 from fantoccini.model.tree import point_position, shape_box
 from fantoccini.motion import State
-from fantoccini.theatre.gestures import BodyParts, feet, leg_length, leg_strings, legs
+from fantoccini.theatre.gestures import BodyParts, foot_links, leg_length, leg_strings, legs
 
 _RAISED_HEIGHT = 0.4
 """Height by which the puppet is raised to measure its hanging legs, relative to their length."""
@@ -96,7 +96,7 @@ def _drop(
     marionette = body_parts.marionette
     floor = marionette.number(marionette.puppet.floor or 0.0)
     hips, heights = [], []
-    for name, foot in feet(body_parts).items():
+    for name, foot in foot_links(body_parts).items():
         hip = marionette.link_index(legs(body_parts.body_map)[name].bodies[0])
         shapes = marionette.tree.links[foot].shapes
         hips.append(float(poses[hip, :2, 3] @ heading))

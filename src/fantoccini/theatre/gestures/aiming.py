@@ -21,7 +21,7 @@ from fantoccini.dynamics.marionette import Marionette, load
 from fantoccini.model.puppet import bundled_files
 from fantoccini.motion import State
 from fantoccini.theatre.gestures.body_parts import BodyParts
-from fantoccini.theatre.gestures.ends import Ends, times
+from fantoccini.theatre.gestures.ends import Ends, scale_curve
 from fantoccini.theatre.gestures.gesture import Gesture
 from fantoccini.theatre.gestures.reachable import reachable_part
 from fantoccini.theatre.gestures.walking import rise_and_return
@@ -89,13 +89,15 @@ class Aim:
         if of or marionette.puppet.touching is not None:
             self.puppet = _without_contact(marionette, of)
             # Hands and knees hang as bundled: with the member's lengths the rest may be unstable.
-            strings = BodyParts.of(marionette, of.removesuffix(".")).strings("head", "trunk")
+            strings = BodyParts.for_puppet(marionette, of.removesuffix(".")).strings(
+                "head", "trunk"
+            )
             names = [f"{string}.{part}" for string in strings for part in ("x", "y", "length")]
             self.x0 = self.puppet.rest({name: float(start[of + name]) for name in names})
             if of and of[:-1] in bodies:
                 frame = marionette.pose(start, of[:-1])
                 place = frame[:3, :3].T @ (place - frame[:3, 3])
-        self.place, self.body_parts = place, BodyParts.of(self.puppet)
+        self.place, self.body_parts = place, BodyParts.for_puppet(self.puppet)
 
     def bounds_for(self, strings: tuple[str, ...]) -> Bounds:
         """Bounds under which only the given strings move."""
@@ -124,7 +126,7 @@ def check_parts(puppet: Marionette, start: State, name: str) -> None:
     Raises:
         StateError: one is missing, or an end or length of a string is not driven.
     """
-    ends = Ends(BodyParts.of(puppet), start)
+    ends = Ends(BodyParts.for_puppet(puppet), start)
     for part in ("arm_left", "arm_right") if name == "point" else ("head",):
         ends.body_parts.strings(part)
 
@@ -166,7 +168,7 @@ def point(ends: Ends, aim: Aim, mistakes: Mistakes) -> Gesture:
     move_time = max(_MIN_MOVE_TIME, polynomial.minimum_jerk_duration(farthest, _SPEED))
     t, curve = rise_and_return(move_time, _HOLD_TIME)
     for name, offset in offsets.items():
-        ends.add(name, times(offset, curve))
+        ends.add(name, scale_curve(offset, curve))
     return ends.gesture(t, "point", {"points": move_time}, travels=False)
 
 
@@ -206,9 +208,9 @@ def look(ends: Ends, aim: Aim, mistakes: Mistakes) -> Gesture:
         polynomial.minimum_jerk_duration(farthest, _SPEED),
     )
     t, curve = rise_and_return(move_time, _HOLD_TIME)
-    ends.carry((np.zeros(len(t), dtype=complex),) * 3, times(turn, curve))
+    ends.move_rigidly((np.zeros(len(t), dtype=complex),) * 3, scale_curve(turn, curve))
     for name, offset in offsets.items():
-        ends.add(name, times(offset, curve))
+        ends.add(name, scale_curve(offset, curve))
     return ends.gesture(t, "look", {"there": move_time}, travels=False)
 
 

@@ -40,7 +40,7 @@ class Ends:
         places: string -> x + i y of its end at the start [m].
         middle: midpoint of the ends of the strings that carry the trunk [m].
         curves: driven coordinate -> offsets.
-        turns: whether the heading changes.
+        changes_heading: whether the heading changes.
 
     Args:
         start: state at rest.
@@ -55,7 +55,7 @@ class Ends:
     places: dict[str, complex] = field(default_factory=dict, init=False)
     middle: complex = field(default=0j, init=False)
     curves: dict[str, Curve] = field(default_factory=dict, init=False)
-    turns: bool = field(default=False, init=False)
+    changes_heading: bool = field(default=False, init=False)
 
     def __post_init__(self) -> None:
         carrying = self.body_parts.strings("trunk")
@@ -89,7 +89,7 @@ class Ends:
             if f"{self.prefix}{string}.{part}" not in known:
                 raise StateError(f"it moves {not_driven(f'{self.prefix}{string}.{part}', True)}")
 
-    def carry(
+    def move_rigidly(
         self,
         path: ComplexCurve,
         heading: Curve,
@@ -107,13 +107,13 @@ class Ends:
             sway: w, to the left of the path; -i times an offset forward [m].
             names: strings whose ends move; all by default.
         """
-        self.turns = self.turns or bool(np.any(heading[0] != 0.0))
+        self.changes_heading = self.changes_heading or bool(np.any(heading[0] != 0.0))
         theta, rate, change = heading
         w0, w1, w2 = sway if sway is not None else (0.0 * theta,) * 3
         if first := self.body_parts.heading:
             # Ends lie about the middle as they do in the file; path and sway turn with the puppet.
             turn = np.exp(1j * first)
-            path, (w0, w1, w2) = times(turn, path), times(turn, (w0, w1, w2))
+            path, (w0, w1, w2) = scale_curve(turn, path), scale_curve(turn, (w0, w1, w2))
         e = np.exp(1j * theta)
         for name in self.places if names is None else names:
             place = self.places[name]
@@ -150,9 +150,9 @@ class Ends:
             first, last = (d[:-1], rate[:-1], change[:-1]), (d[1:], rate[1:], change[1:])
             coef[:, v] = polynomial.hermite(h, first, last)
             named[v], travel[v] = True, curve[0][-1] if travels else 0.0
-        return Gesture(self.table, t, coef, named, travel, name, marks, self.turns)
+        return Gesture(self.table, t, coef, named, travel, name, marks, self.changes_heading)
 
 
-def times(factor: Any, curve: tuple[Any, Any, Any]) -> tuple[Any, Any, Any]:
+def scale_curve(factor: Any, curve: tuple[Any, Any, Any]) -> tuple[Any, Any, Any]:
     """A curve multiplied by a factor."""
     return factor * curve[0], factor * curve[1], factor * curve[2]

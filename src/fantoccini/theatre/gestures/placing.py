@@ -12,12 +12,19 @@ import numpy as np
 
 from fantoccini.base import Array, nearest
 from fantoccini.theatre.gestures.gesture import Gesture
-from fantoccini.theatre.gestures.joining import Line, Motion
-from fantoccini.theatre.gestures.performing import Hands, Part, Performed, Performer, Policy, Turn
-from fantoccini.theatre.gestures.score import Played
+from fantoccini.theatre.gestures.joining import Motion, MotionSequence
+from fantoccini.theatre.gestures.performing import (
+    CuePart,
+    Hands,
+    LatenessPolicy,
+    PendingCue,
+    PerformedScript,
+    Performer,
+)
+from fantoccini.theatre.gestures.score import PlayedGesture
 from fantoccini.theatre.script import (
     END,
-    LATE,
+    LATENESS_TOLERANCE,
     START,
     Cue,
     GestureCue,
@@ -34,7 +41,7 @@ from fantoccini.theatre.script import (
 
 _MAX_HEADING_ERROR = 1e-2
 """Largest error of the heading for which a turn keeps strings together [rad]."""
-_POLICY = Policy(LATE)
+_POLICY = LatenessPolicy(LATENESS_TOLERANCE)
 """Late cues of a score are reported."""
 
 CueGestures = tuple[Gesture, Gesture]
@@ -55,15 +62,15 @@ class PlacedLanes:
         played: gestures that are played, in the file's order.
         moments: keys of a cue or a mark -> its moments.
         marks: mark of the score -> time [s].
-        turns: whether a gesture turns.
+        changes_heading: whether a gesture changes the heading.
     """
 
     timeline: Timeline[ScoreCue]
     hands: Hands
-    played: tuple[tuple[Cue[ScoreCue], Played, Motion], ...]
+    played: tuple[tuple[Cue[ScoreCue], PlayedGesture, Motion], ...]
     moments: Mapping[Spot, Moments]
     marks: Mapping[str, float]
-    turns: bool
+    changes_heading: bool
 
     def time(self, given: Time, spot: Spot, log: ScriptLog) -> float:
         """Time of the file [s]; 0 after a mistake."""
@@ -102,24 +109,28 @@ def place_lanes(
         return None
     verbs = _Verbs(cue_gestures, tuple(lanes), log, phrase)
     performer = Performer(timeline, _POLICY, verbs.do, lambda spot, t: _within(t, spot, log))
-    whole = performer.act(Performed(Hands(tuple(Line.empty(bounds) for _ in lanes))), 0, 0.0)
+    whole = performer.act(
+        PerformedScript(Hands(tuple(MotionSequence.empty(bounds) for _ in lanes))), 0, 0.0
+    )
     ends = {cue.who[0]: whole.moments[cue.spot][END] for cue in cues}
     lines = zip(lanes, whole.state.rested().lanes, strict=True)
     parts = [(cue, part) for cue in cues for part in whole.placed[cue.spot].parts]
     return PlacedLanes(
         timeline,
-        Hands(tuple(line.held(ends.get(lane, 0.0)) for lane, line in lines)),
+        Hands(tuple(line.held_until(ends.get(lane, 0.0)) for lane, line in lines)),
         tuple(
             (
                 cue,
-                Played(cue.who[0], part.gesture.name, part.start, part.end, part.marks, cue.name),
+                PlayedGesture(
+                    cue.who[0], part.gesture.name, part.start, part.end, part.marks, cue.name
+                ),
                 part.gesture.motion,
             )
             for cue, part in parts
         ),
         whole.moments,
         {name: whole.moments["marks", name][""] for name in marks},
-        any(part.gesture.turns for _, part in parts),
+        any(part.gesture.changes_heading for _, part in parts),
     )
 
 
@@ -172,11 +183,13 @@ class _Verbs:
         self._cue_gestures, self._lanes, self._log, self._phrase = cue_gestures, lanes, log, phrase
         self._of = "phrase" if phrase else "score"
 
-    def do(self, hands: Hands, turn: Turn[ScoreCue]) -> tuple[Hands, tuple[Part, ...], Moments]:
+    def do(
+        self, hands: Hands, turn: PendingCue[ScoreCue]
+    ) -> tuple[Hands, tuple[CuePart, ...], Moments]:
         """Hands after a cue, its parts, and its moments."""
-        lane, entry = self._lanes.index(turn.who[0]), turn.given
+        lane, entry = self._lanes.index(turn.who[0]), turn.entry
         begin, before = self._begin(turn), turn.cue.before
-        held = bool(before) and isinstance(before[0].given, HoldCue)
+        held = bool(before) and isinstance(before[0].entry, HoldCue)
         due = begin if turn.cue.times or held else np.inf
         end = turn.moments[before[0].spot][END] if before else 0.0
         if isinstance(entry, HoldCue):
@@ -191,12 +204,12 @@ class _Verbs:
         self._check_time(turn, whole.name, begun, due, lead, free)
         self._note_changed(turn)
         marks = {name: begun + t for name, t in whole.marks.items()}
-        part = Part("", lane, whole, begun, line.end, marks)
+        part = CuePart("", lane, whole, begun, line.end, marks)
         return hands, (part,), {START: begun, END: line.end, **marks}
 
-    def _begin(self, turn: Turn[ScoreCue]) -> float:
+    def _begin(self, turn: PendingCue[ScoreCue]) -> float:
         """Time at which a cue should begin [s]."""
-        t, mark = turn.wanted, turn.given.mark
+        t, mark = turn.wanted, turn.entry.mark
         for spot, _ in turn.cue.times:
             t = _within(t, spot, self._log, self._of)
             if mark:
@@ -209,7 +222,13 @@ class _Verbs:
         return max(t, 0.0)
 
     def _check_time(
-        self, turn: Turn[ScoreCue], name: str, begun: float, due: float, lead: float, free: float
+        self,
+        turn: PendingCue[ScoreCue],
+        name: str,
+        begun: float,
+        due: float,
+        lead: float,
+        free: float,
     ) -> None:
         """Reports a late beginning.
 
@@ -225,7 +244,7 @@ class _Verbs:
             before = self._name(turn.cue.before[0]) if turn.cue.before else ""
             reason = f"the way there takes {self._log.duration_in_words(lead)}"
             reason += f" after {before}" if before else ""
-            if due < free - LATE:
+            if due < free - LATENESS_TOLERANCE:
                 reason = f"{before} ends {in_words(free, self._phrase)}"
             times = in_words(begun, self._phrase), in_words(due, self._phrase)
             return f"{name} begins {times[0]} instead of {times[1]}: {reason}"
@@ -236,15 +255,15 @@ class _Verbs:
 
     def _name(self, cue: Cue[ScoreCue]) -> str:
         return (
-            "the hold" if isinstance(cue.given, HoldCue) else self._cue_gestures[cue.spot][1].name
+            "the hold" if isinstance(cue.entry, HoldCue) else self._cue_gestures[cue.spot][1].name
         )
 
-    def _note_changed(self, turn: Turn[ScoreCue]) -> None:
+    def _note_changed(self, turn: PendingCue[ScoreCue]) -> None:
         """Reports repetitions that take longer, and turns from a wrong heading."""
-        (once, whole), entry, spot = self._cue_gestures[turn.spot], turn.given, turn.spot
+        (once, whole), entry, spot = self._cue_gestures[turn.spot], turn.entry, turn.spot
         assert isinstance(entry, PlayedCue)
         longer = whole.duration - entry.repeat * once.duration
-        if longer > LATE:
+        if longer > LATENESS_TOLERANCE:
             words = self._log.duration_in_words
             self._log.change(
                 spot,
@@ -252,7 +271,7 @@ class _Verbs:
                 f"{words(whole.duration - longer)}: it ends elsewhere than it begins, and returns "
                 "each time",
             )
-        if not whole.turns:
+        if not whole.changes_heading:
             return
         heading = _heading(turn.cue)
         if abs((entry.heading or 0.0) - heading) > _MAX_HEADING_ERROR:
@@ -270,6 +289,6 @@ def _heading(cue: Cue[ScoreCue]) -> float:
     turns = list[float]()
     while cue.before:
         (cue,) = cue.before
-        if isinstance(cue.given, GestureCue):
-            turns.append(cue.given.turn or 0.0)
+        if isinstance(cue.entry, GestureCue):
+            turns.append(cue.entry.turn or 0.0)
     return sum(reversed(turns), start=0.0)

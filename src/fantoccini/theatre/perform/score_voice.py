@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fantoccini.base import Array, MaskRows, VecK, polynomial
-from fantoccini.theatre.gestures import Conductor, Gesture, Score, at, transition
+from fantoccini.theatre.gestures import Conductor, Gesture, Score, piecewise, transition
 from fantoccini.theatre.perform.voice import Offsets
 
 _RAMP_TIME = 0.3
@@ -111,7 +111,7 @@ class ScoreVoice:
         self._pace, self._seek_time = 0.0, 0.0
         self._transitions = [way for way in self._transitions if way.replaces_score]
         own = ~self._is_replaced
-        there, _ = at(self._motion.breaks, self._motion.coef, t)
+        there, _ = piecewise.evaluate(self._motion.breaks, self._motion.coef, t)
         self._seek, _ = transition(
             (self.now.d - self.shift[0]) * own,
             (self.now.rate - self.shift[1]) * own,
@@ -184,7 +184,7 @@ class ScoreVoice:
         before, wanted = self._pace, float(self.running)
         self._pace += float(np.clip(wanted - before, -tick / _RAMP_TIME, tick / _RAMP_TIME))
         t = self.conductor.advance(0.5 * (before + self._pace) * tick)
-        d, rate = at(self._motion.breaks, self._motion.coef, t)
+        d, rate = piecewise.evaluate(self._motion.breaks, self._motion.coef, t)
         pace = 0.0 if self.conductor.standing else self._pace
         return d, pace * rate
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fantoccini.base import Array, VecK
-from fantoccini.theatre.gestures import SAME, Gesture, Line, Motion, at
+from fantoccini.theatre.gestures import OFFSET_TOLERANCE, Gesture, Motion, MotionSequence, piecewise
 
 _MAX_REST_RATE = 1e-9
 """Rate below which offsets count as at rest [m/s or rad/s]."""
@@ -34,7 +34,7 @@ class Offsets(NamedTuple):
     @property
     def is_home(self) -> bool:
         """Whether they are at rest at the origin of gestures."""
-        return bool(np.all(np.abs(self.d - self.carried) <= SAME) and self.is_at_rest)
+        return bool(np.all(np.abs(self.d - self.carried) <= OFFSET_TOLERANCE) and self.is_at_rest)
 
     @property
     def is_at_rest(self) -> bool:
@@ -81,7 +81,7 @@ class Voice:
         if t >= self._end:
             return self._last
         if self._cached is None or self._cached[0] != t:  # a tick begins where one has ended
-            d, rate = at(self._breaks, self._coef, t - self._begin)
+            d, rate = piecewise.evaluate(self._breaks, self._coef, t - self._begin)
             self._cached = t, Offsets(d, rate, self._carried)
         return self._cached[1]
 
@@ -116,21 +116,23 @@ class Voice:
             return
         self._set_line(line_from(self._last, self._bounds).stopped(), self._end, self._last)
 
-    def _set_line(self, line: Line, begin: float, before: Offsets) -> None:
+    def _set_line(self, line: MotionSequence, begin: float, before: Offsets) -> None:
         self._carried, self._cached = before.carried, None
         self._begin, self._end = begin, begin + line.end
         self._breaks, self._coef = line.motion.breaks, line.motion.coef
-        self._last = Offsets(line.d, line.rate, line.carried)
+        self._last = Offsets(line.d, line.rate, line.origin)
 
 
-def line_from(before: Offsets, bounds: Array) -> Line:
+def line_from(before: Offsets, bounds: Array) -> MotionSequence:
     """Line that continues from offsets."""
-    return Line.empty(bounds, before.d, before.rate, before.carried)
+    return MotionSequence.empty(bounds, before.d, before.rate, before.carried)
 
 
 def returning_motion(gesture: Gesture, before: Offsets) -> Motion:
     """Motion of a gesture that also returns all other coordinates to the origin of gestures."""
-    away = (np.abs(before.d - before.carried) > SAME) | (np.abs(before.rate) > _MAX_REST_RATE)
+    away = (np.abs(before.d - before.carried) > OFFSET_TOLERANCE) | (
+        np.abs(before.rate) > _MAX_REST_RATE
+    )
     return gesture.motion._replace(named=gesture.named | away)
 
 

@@ -8,9 +8,9 @@ import numpy as np
 
 from fantoccini.base import Array
 from fantoccini.theatre.cast import Cast, Footing, Places
-from fantoccini.theatre.gestures import CannotBe, Turn
+from fantoccini.theatre.gestures import CueError, PendingCue
 from fantoccini.theatre.plays.on_stage import OnStage
-from fantoccini.theatre.script import PlayCue, Spot, TurnsToCue, WalkCue, spelled
+from fantoccini.theatre.script import PlayCue, Spot, TurnsToCue, WalkCue, file_key
 
 _EYE_HEIGHT = 0.42
 """Height of a player's face above the floor [m]."""
@@ -28,15 +28,15 @@ class Aims:
     def __init__(self, cast: Cast, places: Places):
         self._cast, self._places = cast, places
 
-    def goals(self, stage: OnStage, turn: Turn[PlayCue], who: str) -> list[Footing]:
+    def goals(self, stage: OnStage, turn: PendingCue[PlayCue], who: str) -> list[Footing]:
         """Goals of a walk in order: the places that it passes, and its own."""
-        entry, here = turn.given, stage.actors[who].last
+        entry, here = turn.entry, stage.actors[who].last
         if isinstance(entry, TurnsToCue):
             return [here.facing(self._heading(stage, entry.turns_to, here, turn, "turns to"))]
         assert isinstance(entry, WalkCue)
         last = entry.verb_value
         spots: list[Spot] = [(*turn.spot, "past", i) for i in range(len(entry.past))]
-        spots.append((*turn.spot, spelled(entry.verb)))
+        spots.append((*turn.spot, file_key(entry.verb)))
         places = [
             self.place_of(stage, where, spot, turn.wanted)
             for where, spot in zip((*entry.past, last), spots, strict=True)
@@ -57,7 +57,12 @@ class Aims:
         return goals
 
     def _heading(
-        self, stage: OnStage, given: float | str, footing: Footing, turn: Turn[PlayCue], key: str
+        self,
+        stage: OnStage,
+        given: float | str,
+        footing: Footing,
+        turn: PendingCue[PlayCue],
+        key: str,
     ) -> float:
         """Heading of a direction, or towards something, at a footing [rad]."""
         direction = self._places.direction(given, (*turn.spot, key))
@@ -81,5 +86,5 @@ class Aims:
             return np.array([*marks[where].at, 0.0], dtype=float)
         still = self._places.midpoint(where)
         if still is None:
-            raise CannotBe(f"nothing is called {where!r}")
+            raise CueError(f"nothing is called {where!r}")
         return still

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 from fantoccini.base import OnProgress, Progress, StateError
 from fantoccini.theatre.cast import OutOfTime, ResultCache, with_settled_props
-from fantoccini.theatre.gestures import Part, Placed
+from fantoccini.theatre.gestures import CuePart, PlacedCue
 from fantoccini.theatre.plays.handled import failures
 from fantoccini.theatre.plays.handling import APPROACHES
 from fantoccini.theatre.plays.lateness_rules import advance_hands, mark_lateness, refuse_late
@@ -46,7 +46,7 @@ from fantoccini.theatre.script import (
     PropCue,
     SitsOnCue,
     Spot,
-    spelled,
+    file_key,
 )
 
 MAX_DELAY_ROUNDS = 10
@@ -217,7 +217,7 @@ def _correct_touches(
         cue = this_round.cue_during(touch.t, owners & {*cast.players})
         if cue is None:
             continue
-        corrections, entry = results.corrections, cue.given
+        corrections, entry = results.corrections, cue.entry
         delay = corrections.pauses.get(cue.spot, 0.0) + _EXTRA_DELAY
         approach = corrections.approaches.get(cue.spot, 0) + 1
         if may_delay and isinstance(entry, SitsOnCue) and approach < len(APPROACHES):
@@ -242,7 +242,7 @@ def _retry_touching(stage: Stage, results: Results, report: OnProgress) -> Resul
     A refused cue is tried unchanged if a later one is refused, otherwise with a smaller gesture;
     the reason then contains a size that can be done.
     """
-    entries = {cue.spot: cue.given for cue in stage.script.timeline.cues}
+    entries = {cue.spot: cue.entry for cue in stage.script.timeline.cues}
     for spot in results.touching[:_MAX_RETRIED_CUES]:
         entry = entries[spot]
         sizes = _SMALLER_SIZES if isinstance(entry, DoesCue) else ()
@@ -348,9 +348,9 @@ def _passes(placement: Placement, spot: Spot, refused: Set[Spot]) -> str:
     return "; ".join(note for partner, note in notes if partner not in refused)
 
 
-def _cue(stage: Stage, placed: Placed[PlayCue], passes: str) -> CueOfPlay:
+def _cue(stage: Stage, placed: PlacedCue[PlayCue], passes: str) -> CueOfPlay:
     """Compiled cue of a placed one, with its notes on players that it passes."""
-    cue, entry, parts = placed.cue, placed.given, placed.parts
+    cue, entry, parts = placed.cue, placed.entry, placed.parts
     return CueOfPlay(
         cue.index + 1,
         stage.script.cast.file.acts[cue.act].act,
@@ -373,7 +373,7 @@ def _cue(stage: Stage, placed: Placed[PlayCue], passes: str) -> CueOfPlay:
     )
 
 
-def _marks_of(parts: Sequence[Part], who: str) -> dict[str, float]:
+def _marks_of(parts: Sequence[CuePart], who: str) -> dict[str, float]:
     """Marks of a player in a cue, its beginning and its end [s]."""
     parts = [part for part in parts if part.who == who]
     marks = {mark: t for part in parts for mark, t in part.marks.items()}
@@ -387,20 +387,20 @@ def _rounds(n: int) -> str:
 
 def described(cue: Cue[PlayCue]) -> str:
     """Description of a cue: ``columbine and pierrot: walks to centre``."""
-    entry, verb, what = cue.given, cue.given.verb, cue.given.verb_value
+    entry, verb, what = cue.entry, cue.entry.verb, cue.entry.verb_value
     if isinstance(entry, DoesCue):
         return f"{' and '.join(cue.who)}: {what}"
     if isinstance(entry, PropCue):
         others = [key for key in VERBS[verb].names if key != verb]
         return " ".join(
             [
-                f"{entry.who[0]}: {spelled(verb)} {what}",
+                f"{entry.who[0]}: {file_key(verb)} {what}",
                 *(f"{key} {getattr(entry, key)}" for key in others),
             ]
         )
     if not isinstance(what, (str, float)):
         what = [round(float(x), 3) for x in what]
-    return f"{' and '.join(cue.who)}: {spelled(verb)} {what}"
+    return f"{' and '.join(cue.who)}: {file_key(verb)} {what}"
 
 
 def _plain(name: str) -> str:

@@ -21,7 +21,7 @@ from fantoccini.theatre.cast import (
     prop_gestures,
     standing_pairs,
 )
-from fantoccini.theatre.gestures import CannotBe, Turn
+from fantoccini.theatre.gestures import CueError, PendingCue
 from fantoccini.theatre.plays import putting
 from fantoccini.theatre.plays.approaching import CALM_TIME, Approaching, place_ahead
 from fantoccini.theatre.plays.holdings import Hanging, Seated, Standing
@@ -72,7 +72,7 @@ class Handling:
         self._steps = Approaching(walks, gestures, corrections)
 
     def do(
-        self, stage: OnStage, turn: Turn[PlayCue], begin: float, wait: float
+        self, stage: OnStage, turn: PendingCue[PlayCue], begin: float, wait: float
     ) -> tuple[OnStage, Moments]:
         """Stage after a cue with a prop, and the cue's moments.
 
@@ -83,9 +83,9 @@ class Handling:
             wait: longest delay after it [s].
 
         Raises:
-            CannotBe: the cue cannot be done.
+            CueError: the cue cannot be done.
         """
-        match turn.given:
+        match turn.entry:
             case GivesCue() as given:
                 stage = self._gives(stage, turn, given, begin, wait)
             case SitsOnCue() as given:
@@ -101,20 +101,20 @@ class Handling:
             END: max(part.end for part in stage.parts),
         }
         for part in stage.parts:
-            moments.update({m: t for m, t in part.marks.items() if m in turn.cue.known})
+            moments.update({m: t for m, t in part.marks.items() if m in turn.cue.moment_names})
         return stage, moments
 
     # -- one verb each -----------------------------------------------------------------------
 
     def _gives(
-        self, stage: OnStage, turn: Turn[PlayCue], given: GivesCue, begin: float, wait: float
+        self, stage: OnStage, turn: PendingCue[PlayCue], given: GivesCue, begin: float, wait: float
     ) -> OnStage:
         prop, (who, to) = given.gives, turn.who
         giver, receiver = stage.actors[who], stage.actors[to]
         held = stage.held(prop, who)
         other = OTHER_SIDE[held.side]
         if (taken := stage.on_forearm(to, other)) is not None:
-            raise CannotBe(f"{given.to}'s {other} arm, which would take it, holds {taken}")
+            raise CueError(f"{given.to}'s {other} arm, which would take it, holds {taken}")
         stage.check_stands(who)
         stage.check_stands(to)
         handover = self._compute(
@@ -157,14 +157,14 @@ class Handling:
         return self._steps.step_straight(stage, who, retreat, end, ignored=to)
 
     def _sits(
-        self, stage: OnStage, turn: Turn[PlayCue], given: SitsOnCue, begin: float, wait: float
+        self, stage: OnStage, turn: PendingCue[PlayCue], given: SitsOnCue, begin: float, wait: float
     ) -> OnStage:
         seat, (who,) = given.sits_on, turn.who
         actor = stage.actors[who]
         stage.check_stands(who)
         for name, seated in stage.seated.items():
             if seated.seat == seat:
-                raise CannotBe(f"{name} sits on {seat}")
+                raise CueError(f"{name} sits on {seat}")
         middle, heading, height = self._seat(stage, seat, actor, turn)
         marionette, rest = actor.player.marionette, actor.player.rest_state
         sits = self._compute(lambda: sit(marionette, "", seat, height, start=rest), actor)
@@ -184,13 +184,13 @@ class Handling:
         return stage.with_seated(who, Seated(seat, on_prop, since, end, turn.spot, sits.up, stop))
 
     def _stands_up(
-        self, stage: OnStage, turn: Turn[PlayCue], given: StandsUpFromCue, begin: float
+        self, stage: OnStage, turn: PendingCue[PlayCue], given: StandsUpFromCue, begin: float
     ) -> OnStage:
         (who,) = turn.who
         seated = stage.seated.get(who)
         if seated is None or seated.seat != given.stands_up_from:
             posture = f"sits on {seated.seat}" if seated else "stands"
-            raise CannotBe(f"{who} does not sit on {given.stands_up_from}, but {posture}")
+            raise CueError(f"{who} does not sit on {given.stands_up_from}, but {posture}")
         actor = stage.actors[who].rested()
         start = max(begin, actor.hands.end)
         stage, end = self._steps.perform(stage.with_actor(actor), who, seated.up, start)
@@ -200,7 +200,12 @@ class Handling:
         return stage.with_meetings(meeting).with_seated(who, None)
 
     def _puts_down(
-        self, stage: OnStage, turn: Turn[PlayCue], given: PutsDownCue, begin: float, wait: float
+        self,
+        stage: OnStage,
+        turn: PendingCue[PlayCue],
+        given: PutsDownCue,
+        begin: float,
+        wait: float,
     ) -> OnStage:
         prop, onto, (who,) = given.puts_down, given.onto, turn.who
         actor = stage.actors[who]
@@ -228,18 +233,23 @@ class Handling:
         )
 
     def _picks_up(
-        self, stage: OnStage, turn: Turn[PlayCue], given: PicksUpCue, begin: float, wait: float
+        self,
+        stage: OnStage,
+        turn: PendingCue[PlayCue],
+        given: PicksUpCue,
+        begin: float,
+        wait: float,
     ) -> OnStage:
         prop, (who,) = given.picks_up, turn.who
         actor, thing, side = stage.actors[who], stage.where[prop], "right"
         if isinstance(thing, Hanging):
-            raise CannotBe(f"{thing.player} holds {prop}")
+            raise CueError(f"{thing.player} holds {prop}")
         if self._cast.props[prop].handle is None:
-            raise CannotBe(f"{prop} has no handle")
+            raise CueError(f"{prop} has no handle")
         if stage.on_forearm(who, side) is not None:
             side = OTHER_SIDE[side]
         if (taken := stage.on_forearm(who, side)) is not None:
-            raise CannotBe(f"{who}'s arms are not free: {taken} hangs there")
+            raise CueError(f"{who}'s arms are not free: {taken} hangs there")
         stage.check_stands(who)
         bottom = self._carried_bottom_height(actor, prop, side)
         puts = self._putting(actor, prop, side, bottom, thing.height, thing.on, pick_up=True)
@@ -259,7 +269,7 @@ class Handling:
 
     # -- state -------------------------------------------------------------------------------
 
-    def _calmed(self, stage: OnStage, turn: Turn[PlayCue], who: str) -> tuple[OnStage, float]:
+    def _calmed(self, stage: OnStage, turn: PendingCue[PlayCue], who: str) -> tuple[OnStage, float]:
         """Stage with a player's swing damped after its last motion, and the end of that [s]."""
         actor = stage.actors[who].rested()
         return self._steps.calm(stage.with_actor(actor), turn, actor.hands.end, who)
@@ -268,12 +278,12 @@ class Handling:
         """Result of ``make``.
 
         Raises:
-            CannotBe: the actor cannot do it.
+            CueError: the actor cannot do it.
         """
         try:
             return make()
         except (InputError, ValueError) as error:
-            raise CannotBe(f"{actor.player.name} cannot do it: {error}") from None
+            raise CueError(f"{actor.player.name} cannot do it: {error}") from None
 
     def _table_stop(self, goal: Footing, actor: Actor) -> Footing:
         """Footing behind the place of handling at which the walk to a table ends."""
@@ -305,7 +315,7 @@ class Handling:
             pick_up: whether to pick it up.
 
         Raises:
-            CannotBe: the obstacle is too low or too high, or the player cannot do it.
+            CueError: the obstacle is too low or too high, or the player cannot do it.
         """
         physique = Physique.of(actor.player.marionette)
         lowest, highest = (
@@ -313,7 +323,7 @@ class Handling:
         )
         if not lowest <= top <= highest:
             off, near = ("low", lowest + 5e-4) if top < lowest else ("high", highest - 5e-4)
-            raise CannotBe(
+            raise CueError(
                 f"{on} is {top:.3f} m high, which is too {off} for {actor.player.name}; needed: "
                 f"{lowest:.3f} to {highest:.3f} m, {near:.3f} m is nearest"
             )
@@ -338,12 +348,14 @@ class Handling:
         rise = Physique.of(marionette).arm_ratio(side) * putting.CARRY_RISE
         return prop_gestures.handle_place(marionette, side=side)[2] + rise - handle
 
-    def _elbow_distance(self, turn: Turn[PlayCue]) -> float | None:
+    def _elbow_distance(self, turn: PendingCue[PlayCue]) -> float | None:
         """Distance of the handle from the elbow, measured in an earlier round [m]."""
         measured = self._corrections.handles.get(turn.spot)
         return None if measured is None else measured[0]
 
-    def _bottom_height(self, turn: Turn[PlayCue], actor: Actor, prop: str, held: Hanging) -> float:
+    def _bottom_height(
+        self, turn: PendingCue[PlayCue], actor: Actor, prop: str, held: Hanging
+    ) -> float:
         """Height of the bottom of a held prop, as measured in an earlier round if it was [m]."""
         measured = self._corrections.handles.get(turn.spot)
         handle = self._cast.props[prop].handle
@@ -353,22 +365,22 @@ class Handling:
         return measured[1] - handle
 
     def _seat(
-        self, stage: OnStage, name: str, actor: Actor, turn: Turn[PlayCue]
+        self, stage: OnStage, name: str, actor: Actor, turn: PendingCue[PlayCue]
     ) -> tuple[complex, float, float]:
         """Middle of a seat [m], heading of a sitter [rad], and height of the seat [m]."""
         if name in stage.where:
             thing, seat = stage.where[name], self._cast.props[name].seat
             if isinstance(thing, Hanging):
-                raise CannotBe(f"{thing.player} holds {name}")
+                raise CueError(f"{thing.player} holds {name}")
             if seat is None:
-                raise CannotBe(f"{name} has no seat; needed: `seat:` of the prop")
+                raise CueError(f"{name} has no seat; needed: `seat:` of the prop")
             place = self._corrections.stands.get(turn.spot, thing.place)
             return place.place, place.heading, thing.height + seat
         top = obstacle_top(self._cast.file, name)
         assert top is not None  # otherwise it is a mistake of the file
         middle = self._walks.middle(name)
         if middle is None:
-            raise CannotBe(f"{name} is too high to sit on: its top is at {top:.3g} m")
+            raise CueError(f"{name} is too high to sit on: its top is at {top:.3g} m")
         return middle, Footing(middle.real, middle.imag).towards(actor.last.place), top
 
     def _put_place(self, onto: str, prop: str, puts: putting.Putting, actor: Actor) -> Footing:

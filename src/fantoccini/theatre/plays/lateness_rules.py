@@ -9,10 +9,10 @@ import numpy as np
 
 from fantoccini.motion import Trajectory
 from fantoccini.theatre.cast import lane_name
-from fantoccini.theatre.gestures import Placed, Played, Score, lateness
+from fantoccini.theatre.gestures import PlacedCue, PlayedGesture, Score, measure_lateness
 from fantoccini.theatre.plays.placing import IN_TIME
 from fantoccini.theatre.plays.rounds import Results, Round, Rule, Stage
-from fantoccini.theatre.script import PlayCue, Spot, walks
+from fantoccini.theatre.script import PlayCue, Spot, is_walk
 
 _GOOD_LATENESS = 0.25 * IN_TIME
 """Lateness below which hands are not moved in time [s]."""
@@ -63,15 +63,15 @@ def refuse_late(
 
 def _limb_lateness(
     stage: Stage, name: str, run: Trajectory, this_round: Round
-) -> list[tuple[float, Placed[PlayCue]]]:
+) -> list[tuple[float, PlacedCue[PlayCue]]]:
     """Lateness of a player's limbs on the marks in `on` [s], with the cues."""
-    cue_of_played: dict[int, Placed[PlayCue]] = {}
+    cue_of_played: dict[int, PlacedCue[PlayCue]] = {}
     played = []
     for cue in this_round.placement.cues:
-        for part in cue.parts if cue.given.mark and not walks(cue.given) else ():
+        for part in cue.parts if cue.entry.mark and not is_walk(cue.entry) else ():
             if part.who == name:
                 lane, called = lane_name(part.who, part.lane), cue.cue.name
-                played.append(Played(lane, called, part.start, part.end, part.marks, called))
+                played.append(PlayedGesture(lane, called, part.start, part.end, part.marks, called))
                 cue_of_played[id(played[-1])] = cue
     if not cue_of_played:
         return []
@@ -85,20 +85,20 @@ def _limb_lateness(
         lanes=this_round.placement.lanes[name],
     )
     seconds: dict[Spot, list[float]] = {}
-    for late in lateness(score, run):
+    for late in measure_lateness(score, run):
         cue = cue_of_played[id(late.cue)]
-        if late.mark == cue.given.mark:
+        if late.mark == cue.entry.mark:
             seconds.setdefault(cue.spot, []).append(late.seconds)
     result = []
     for cue in cue_of_played.values():
         mean_lateness = float(np.mean(seconds.get(cue.spot, [0.0]))) + _hand_lateness(cue, name)
         # A delay within the cue's patience does not count.
-        patience = cue.given.patience * stage.beat
+        patience = cue.entry.patience * stage.beat
         result.append((mean_lateness - min(max(mean_lateness, 0.0), patience), cue))
     return result
 
 
-def _hand_lateness(cue: Placed[PlayCue], name: str) -> float:
+def _hand_lateness(cue: PlacedCue[PlayCue], name: str) -> float:
     """Lateness of a player's hands on the mark in `on` [s]."""
     part = next(part for part in cue.parts if part.who == name)
-    return part.marks[cue.given.mark] - cue.wanted
+    return part.marks[cue.entry.mark] - cue.wanted

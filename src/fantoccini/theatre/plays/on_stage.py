@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from fantoccini.base import StateError, UnknownNameError
 from fantoccini.model.puppet import FLOOR
 from fantoccini.theatre.cast import Actor, Cast, ContactBodies, Meeting, Pair, Way
-from fantoccini.theatre.gestures import CannotBe, Gesture, Part, Turn
+from fantoccini.theatre.gestures import CueError, CuePart, Gesture, PendingCue
 from fantoccini.theatre.plays.holdings import Hanging, Seated, Standing
 from fantoccini.theatre.plays.player_gestures import PlayerGestures
 from fantoccini.theatre.script import VERBS, PlayCue, Spot
@@ -37,7 +37,7 @@ class OnStage:
     met: tuple[Meeting, ...] = ()
     calmed: Mapping[tuple[Spot, str], float] = field(default_factory=dict)
     passes: Mapping[Spot, tuple[tuple[Spot, str], ...]] = field(default_factory=dict)
-    parts: tuple[Part, ...] = ()
+    parts: tuple[CuePart, ...] = ()
 
     @classmethod
     def at_start(cls, cast: Cast, actors: Mapping[str, Actor]) -> OnStage:
@@ -77,7 +77,7 @@ class OnStage:
         """A prop that hangs on a player's forearm.
 
         Raises:
-            CannotBe: the prop is elsewhere.
+            CueError: the prop is elsewhere.
         """
         thing = self.where[prop]
         if isinstance(thing, Hanging) and thing.player == who:
@@ -85,13 +85,13 @@ class OnStage:
         there = (
             f"{thing.player} holds it" if isinstance(thing, Hanging) else f"it stands on {thing.on}"
         )
-        raise CannotBe(f"{who} does not hold {prop}: {there}")
+        raise CueError(f"{who} does not hold {prop}: {there}")
 
     def check_stands(self, who: str) -> None:
-        """Raises CannotBe if a player sits, so that it cannot walk."""
+        """Raises CueError if a player sits, so that it cannot walk."""
         if who in self.seated:
             seat = self.seated[who].seat
-            raise CannotBe(f"{who} sits on {seat}; needed before: `stands up from`")
+            raise CueError(f"{who} sits on {seat}; needed before: `stands up from`")
 
     def bodies(self, who: str) -> ContactBodies:
         """Bodies of a player that touch props and seats."""
@@ -128,7 +128,7 @@ class OnStage:
         end = start + gesture.duration if end is None else end
         own = gesture.marks if marks is None else marks
         placed = {mark: start + t for mark, t in own.items()}
-        part = Part(actor.player.name, lane, gesture, start, end, placed)
+        part = CuePart(actor.player.name, lane, gesture, start, end, placed)
         actor = replace(actor, done=max(actor.done, end))
         return replace(self.with_actor(actor), parts=(*self.parts, part))
 
@@ -157,10 +157,10 @@ class OnStage:
         return replace(self, met=(*self.met, *meetings))
 
     def with_contact(
-        self, turn: Turn[PlayCue], prop: str, pairs: frozenset[Pair], start: float, end: float
+        self, turn: PendingCue[PlayCue], prop: str, pairs: frozenset[Pair], start: float, end: float
     ) -> OnStage:
         """Stage with a meeting of the cue's players and a prop [s]."""
-        kind = VERBS[turn.given.verb].meets
+        kind = VERBS[turn.entry.verb].meets
         assert kind is not None
         return self.with_meetings(Meeting(start, end, turn.who, (prop,), pairs, kind, turn.spot))
 
@@ -181,7 +181,7 @@ def carry_pose(actor: Actor, side: str, begin: float, gestures: PlayerGestures) 
         gestures: gestures with the pose.
 
     Raises:
-        CannotBe: it lacks a part of the body, or its strings are not driven.
+        CueError: it lacks a part of the body, or its strings are not driven.
     """
     line = actor.hands.lanes[0]
     if not side:
@@ -189,12 +189,12 @@ def carry_pose(actor: Actor, side: str, begin: float, gestures: PlayerGestures) 
     try:
         pose = actor.player.turned(gestures.pose(actor.player, side), actor.last.heading)
     except (StateError, UnknownNameError) as error:
-        raise CannotBe(f"{actor.player.name} cannot carry it: {error}") from None
-    there, now = pose.ends[0][1][pose.named], (line.d - line.carried)[pose.named]
+        raise CueError(f"{actor.player.name} cannot carry it: {error}") from None
+    there, now = pose.ends[0][1][pose.named], (line.d - line.origin)[pose.named]
     if abs(there - now).max() <= IN_POSE:
         return actor
     hands, continued = actor.hands.add(0, pose, max(begin, line.end))
-    lanes = (continued.line.stopped(), *hands.lanes[1:])
+    lanes = (continued.sequence.stopped(), *hands.lanes[1:])
     return replace(actor, hands=replace(hands, lanes=lanes))
 
 
@@ -210,7 +210,7 @@ def walked(
         carries: side of the forearm on which something hangs.
 
     Raises:
-        CannotBe: it lacks a part of the body, or its strings are not driven.
+        CueError: it lacks a part of the body, or its strings are not driven.
     """
     if not way.steps:
         gesture = Gesture.rest(actor.player.marionette, 1e-3, everything=False)
@@ -218,7 +218,7 @@ def walked(
     try:
         steps = gestures.walk(actor.player, way.steps, way.step_time, carries)
     except (StateError, UnknownNameError) as error:
-        raise CannotBe(f"{actor.player.name} cannot walk: {error}") from None
+        raise CueError(f"{actor.player.name} cannot walk: {error}") from None
     gesture = actor.player.turned(steps, way.start.heading)
     hands, _ = actor.hands.add(0, gesture, way.begin)
     return replace(actor, hands=hands, ways=(*actor.ways, way)), gesture

@@ -24,17 +24,17 @@ from fantoccini.theatre.cast import (
     act_time_in_words,
 )
 from fantoccini.theatre.gestures import (
-    CannotBe,
+    CueError,
+    CuePart,
     Gesture,
     Hands,
-    Line,
-    Part,
-    Performed,
+    LatenessPolicy,
+    MotionSequence,
+    PendingCue,
+    PerformedScript,
     Performer,
-    Placed,
-    Policy,
-    Turn,
-    limits,
+    PlacedCue,
+    motion_bounds,
 )
 from fantoccini.theatre.plays.aims import Aims
 from fantoccini.theatre.plays.handling import Handling
@@ -42,9 +42,9 @@ from fantoccini.theatre.plays.on_stage import OnStage, carry_pose, walked
 from fantoccini.theatre.plays.player_gestures import PlayerGestures
 from fantoccini.theatre.plays.walks import Walks
 from fantoccini.theatre.script import (
-    ARRIVES,
+    ARRIVAL_MARK,
     END,
-    LATE,
+    LATENESS_TOLERANCE,
     START,
     VERBS,
     DoesCue,
@@ -57,13 +57,13 @@ from fantoccini.theatre.script import (
     Spot,
     Timeline,
     WalkCue,
-    spelled,
-    walks,
+    file_key,
+    is_walk,
 )
 
 IN_TIME = 1.0 / 60.0
 """Lateness up to which a cue counts as on time [s]."""
-_POLICY = Policy(IN_TIME, (CannotBe, UnknownNameError, *ERRORS))
+_POLICY = LatenessPolicy(IN_TIME, (CueError, UnknownNameError, *ERRORS))
 """Policy of plays: cues that are late or cannot be done are refused."""
 _MAX_TURN = 1e-3
 """Largest turn of a player during a gesture [rad]."""
@@ -88,7 +88,7 @@ class Placement:
         moments: keys of a cue or a time of the file -> its moments [s].
     """
 
-    cues: tuple[Placed[PlayCue], ...]
+    cues: tuple[PlacedCue[PlayCue], ...]
     act_starts: tuple[float, ...]
     motions: Mapping[str, Gesture]
     lanes: Mapping[str, Mapping[str, Gesture]]
@@ -119,13 +119,14 @@ def place_cues(
     bounds = cast.file.stage
     actors = {
         name: Actor(
-            player, Hands((Line.empty(_bounds_of(player, bounds.speed, bounds.acceleration)),))
+            player,
+            Hands((MotionSequence.empty(_bounds_of(player, bounds.speed, bounds.acceleration)),)),
         )
         for name, player in cast.players.items()
     }
     verbs = _Verbs(cast, timeline, gestures, places, walks, corrections, log)
     performer = Performer(timeline, _POLICY, verbs.do, refused=corrections.refused)
-    play: Performed[PlayCue, OnStage] = Performed(OnStage.at_start(cast, actors))
+    play: PerformedScript[PlayCue, OnStage] = PerformedScript(OnStage.at_start(cast, actors))
     starts, start = list[float](), 0.0
     for act, act_file in enumerate(cast.file.acts):
         start += act_file.after * log.beat
@@ -172,11 +173,13 @@ class _Verbs:
         self._aims = Aims(cast, places)
         self._handling = Handling(cast, walks, gestures, corrections)
 
-    def do(self, stage: OnStage, turn: Turn[PlayCue]) -> tuple[OnStage, tuple[Part, ...], Moments]:
+    def do(
+        self, stage: OnStage, turn: PendingCue[PlayCue]
+    ) -> tuple[OnStage, tuple[CuePart, ...], Moments]:
         """Stage after a cue, the parts of its players, and its moments.
 
         Raises:
-            CannotBe: the cue cannot be done.
+            CueError: the cue cannot be done.
         """
         self._check_begin(turn)
         after, moments = self._after(replace(stage, parts=()), turn)
@@ -185,37 +188,38 @@ class _Verbs:
             try:
                 actor.hands.check_turns(table, stage.actors[name].hands)
             except StateError as error:
-                raise CannotBe(str(error)) from None
+                raise CueError(str(error)) from None
         return after, after.parts, moments
 
-    def _after(self, stage: OnStage, turn: Turn[PlayCue]) -> tuple[OnStage, Moments]:
+    def _after(self, stage: OnStage, turn: PendingCue[PlayCue]) -> tuple[OnStage, Moments]:
         """Stage after a cue, and the cue's moments."""
-        if isinstance(turn.given, PropCue):
+        if isinstance(turn.entry, PropCue):
             return self._do_with_prop(stage, turn)
         for name in turn.who:
             stage = self._do_alone(stage, turn, name)
         moments = {
-            moment: max(_moment(part, moment) for part in stage.parts) for moment in turn.cue.known
+            moment: max(_moment(part, moment) for part in stage.parts)
+            for moment in turn.cue.moment_names
         }
         return stage, moments
 
-    def _do_alone(self, stage: OnStage, turn: Turn[PlayCue], name: str) -> OnStage:
+    def _do_alone(self, stage: OnStage, turn: PendingCue[PlayCue], name: str) -> OnStage:
         """Stage after the part of one player in a cue without a prop."""
-        entry, t = turn.given, turn.wanted
+        entry, t = turn.entry, turn.wanted
         if stage.actors[name].away and not isinstance(entry, EntersToCue):
-            raise CannotBe(f"{name} is off the stage")
-        if walks(entry):
+            raise CueError(f"{name} is off the stage")
+        if is_walk(entry):
             return self._walk_or_pass(stage, turn, name)
         mark_time = self._gesture(stage, turn, name, t).marks[entry.mark] if entry.mark else 0.0
         wanted, earliest = self._beginning(turn, name)
         return self._act(stage, turn, name, wanted - mark_time, earliest - mark_time)
 
-    def _beginning(self, turn: Turn[PlayCue], name: str) -> tuple[float, float]:
+    def _beginning(self, turn: PendingCue[PlayCue], name: str) -> tuple[float, float]:
         """Wanted beginning of a player's part, and the earliest one after its pause [s]."""
         wanted = turn.wanted - self._corrections.earlier.get((turn.spot, name), 0.0)
         return wanted, wanted + self._corrections.pauses.get(turn.spot, 0.0)
 
-    def _walk_or_pass(self, stage: OnStage, turn: Turn[PlayCue], name: str) -> OnStage:
+    def _walk_or_pass(self, stage: OnStage, turn: PendingCue[PlayCue], name: str) -> OnStage:
         """Stage after a walk.
 
         If a player blocks it whose own next walk begins before this one ends, that player gives
@@ -224,7 +228,7 @@ class _Verbs:
         """
         try:
             return self._walk(stage, turn, name)
-        except CannotBe as error:
+        except CueError as error:
             reason = error
         for later in self._next_walks(turn):
             (other,) = later.who
@@ -234,7 +238,7 @@ class _Verbs:
                     continue
                 way = self._walk(after, later, other).actors[other].ways[-1]
                 leaves = way.begin if way.steps else np.inf
-            except CannotBe:
+            except CueError:
                 continue
             actor, stands = after.actors[name], after.actors[other]
             track = stands.player, stands.track()
@@ -242,7 +246,7 @@ class _Verbs:
                 return after.with_pass(turn.spot, name, later.spot, other)
         raise reason
 
-    def _next_walks(self, turn: Turn[PlayCue]) -> Iterator[Turn[PlayCue]]:
+    def _next_walks(self, turn: PendingCue[PlayCue]) -> Iterator[PendingCue[PlayCue]]:
         """Turns of the other players whose next cue in the act is a walk at a known time."""
         seen = {*turn.who}
         for cue in self._timeline.of_act(turn.cue.act):
@@ -250,39 +254,39 @@ class _Verbs:
                 continue
             seen |= {*cue.who}
             is_known = all(need in turn.moments for need in self._timeline.needs(cue))
-            if is_known and len(cue.who) == 1 and walks(cue.given):
-                t = self._timeline.wanted(cue, turn.start, turn.moments)
+            if is_known and len(cue.who) == 1 and is_walk(cue.entry):
+                t = self._timeline.wanted_time(cue, turn.start, turn.moments)
                 if cue.spot not in self._corrections.refused:
                     yield replace(turn, cue=cue, wanted=t)
 
-    def _do_with_prop(self, stage: OnStage, turn: Turn[PlayCue]) -> tuple[OnStage, Moments]:
+    def _do_with_prop(self, stage: OnStage, turn: PendingCue[PlayCue]) -> tuple[OnStage, Moments]:
         """Stage after a cue with a prop, and its moments."""
         t = turn.wanted
         for name in turn.who:
             if stage.actors[name].away:
-                raise CannotBe(f"{name} is off the stage")
+                raise CueError(f"{name} is off the stage")
         begin = max(t + self._corrections.pauses.get(turn.spot, 0.0), turn.start)
-        wait = max((turn.given.may_wait or 0.0) * self._log.beat - (begin - t), 0.0)
+        wait = max((turn.entry.may_wait or 0.0) * self._log.beat - (begin - t), 0.0)
         stage, moments = self._handling.do(stage, turn, begin, wait)
         start = moments[START]
         self._check_time(turn, turn.who[-1], start - t, start)
         return stage, moments
 
-    def _check_begin(self, turn: Turn[PlayCue]) -> None:
+    def _check_begin(self, turn: PendingCue[PlayCue]) -> None:
         """Refuses a cue whose time is before its act, or before a GO that its act waits for."""
         t, start, go = turn.wanted, turn.start, self._timeline.gos.get(turn.spot)
-        if t < start - LATE:
+        if t < start - LATENESS_TOLERANCE:
             begins = self._in_words(turn, start)
             early = self._log.duration_in_words(start - t)
-            raise CannotBe(f"its time is {early} before its act, which begins {begins}")
-        if go is not None and t < turn.moments[go.spot][START] - LATE:
+            raise CueError(f"its time is {early} before its act, which begins {begins}")
+        if go is not None and t < turn.moments[go.spot][START] - LATENESS_TOLERANCE:
             line, go_time = self._log.located.line(go.spot), turn.moments[go.spot][START]
-            raise CannotBe(
+            raise CueError(
                 f"its time is before the GO of line {line}, {self._in_words(turn, go_time)}"
             )
 
     def _act(
-        self, stage: OnStage, turn: Turn[PlayCue], name: str, wanted: float, earliest: float
+        self, stage: OnStage, turn: PendingCue[PlayCue], name: str, wanted: float, earliest: float
     ) -> OnStage:
         """Stage after a gesture in a free lane, turned to the player's heading at that time.
 
@@ -292,18 +296,18 @@ class _Verbs:
             earliest: earliest beginning [s].
 
         Raises:
-            CannotBe: the player turns during the gesture, or it would be late.
+            CueError: the player turns during the gesture, or it would be late.
         """
         actor, earliest = stage.actors[name], max(earliest, turn.start)
         gesture = self._gesture(stage, turn, name, earliest)
         lane, start = actor.hands.free_lane(gesture, earliest)
-        if start > earliest + LATE:
+        if start > earliest + LATENESS_TOLERANCE:
             gesture = self._gesture(stage, turn, name, start)
         heading = actor.footing_at(start).heading
         turned = abs(actor.footing_at(start + gesture.duration).heading - heading)
         if turned > _MAX_TURN:
             until = max(way.end for way in actor.ways)
-            raise CannotBe(
+            raise CueError(
                 f"{name} turns by {np.degrees(turned):.0f} deg meanwhile; the gesture "
                 f"can begin {self._in_words(turn, until)}"
             )
@@ -314,7 +318,7 @@ class _Verbs:
     def _walk(
         self,
         stage: OnStage,
-        turn: Turn[PlayCue],
+        turn: PendingCue[PlayCue],
         name: str,
         *,
         absent: str = "",
@@ -328,12 +332,12 @@ class _Verbs:
             not_before: earliest beginning [s].
 
         Raises:
-            CannotBe: there is no way in time.
+            CueError: there is no way in time.
         """
         stage.check_stands(name)
         wanted, begin = self._beginning(turn, name)
         begin = max(begin, not_before)
-        entry, actor = turn.given, stage.actors[name]
+        entry, actor = turn.entry, stage.actors[name]
         actor = replace(actor, hands=actor.hands.rested(0))
         arrival = begin if entry.mark else None
         carries = stage.carries(name)
@@ -356,7 +360,7 @@ class _Verbs:
             act_start=turn.start,
         )
         if way is None:
-            raise CannotBe(reason)
+            raise CueError(reason)
         n_standing = len(list(takewhile(lambda step: step.stands, way.steps)))
         moves_off = way.begin + n_standing * way.step_time
         if arrival is not None:
@@ -367,12 +371,12 @@ class _Verbs:
         if until is not None:
             self._check_time(turn, name, until - wanted, until)
             if arrival is not None:
-                raise CannotBe(f"{name} is busy until {self._in_words(turn, until)[3:]}")
+                raise CueError(f"{name} is busy until {self._in_words(turn, until)[3:]}")
             return self._walk(stage, turn, name, absent=absent, not_before=until)
         actor, gesture = walked(actor, way, self._gestures, carries)
         actor = replace(actor, away=isinstance(entry, ExitsToCue))
         marks = {mark: t - (moves_off - way.begin) for mark, t in gesture.marks.items()}
-        marks[ARRIVES] = way.end - moves_off
+        marks[ARRIVAL_MARK] = way.end - moves_off
         return stage.with_part(actor, 0, gesture, moves_off, marks, way.end)
 
     def _end_of_gestures_in_turn(self, actor: Actor, way: Way) -> float | None:
@@ -380,14 +384,14 @@ class _Verbs:
         ends = []
         for gesture in actor.hands.busy:
             since, until = max(gesture.start, way.begin), min(gesture.end, way.end)
-            if since < until - LATE:
+            if since < until - LATENESS_TOLERANCE:
                 _, heading = way.footing(np.linspace(since, until, 9))
                 turned = np.abs(heading - actor.footing_at(gesture.start).heading)
                 if np.max(turned) > _MAX_TURN:
                     ends.append(gesture.end)
         return max(ends, default=None)
 
-    def _check_time(self, turn: Turn[PlayCue], name: str, delay: float, t: float) -> None:
+    def _check_time(self, turn: PendingCue[PlayCue], name: str, delay: float, t: float) -> None:
         """Refuses a cue that would be late.
 
         Args:
@@ -398,24 +402,24 @@ class _Verbs:
         beat = self._log.beat
 
         def reason() -> str:
-            verb = "arrive" if walks(turn.given) and turn.given.mark else "begin"
+            verb = "arrive" if is_walk(turn.entry) and turn.entry.mark else "begin"
             beats = np.ceil(10.0 * delay / beat) / 10.0
             return (
                 f"{name} cannot {verb} before {self._in_words(turn, t)[3:]}; `may wait: "
                 f"{beats:g}` allows it to be {beats:g} beats late"
             )
 
-        _POLICY.check(delay, turn.given.patience * beat, reason)
+        _POLICY.check(delay, turn.entry.patience * beat, reason)
 
-    def _in_words(self, turn: Turn[PlayCue], t: float) -> str:
+    def _in_words(self, turn: PendingCue[PlayCue], t: float) -> str:
         """Time in words, in beats of the cue's act."""
         return act_time_in_words(t, turn.start, self._log.beat)
 
     # -- gestures ----------------------------------------------------------------------------
 
-    def _gesture(self, stage: OnStage, turn: Turn[PlayCue], name: str, t: float) -> Gesture:
+    def _gesture(self, stage: OnStage, turn: PendingCue[PlayCue], name: str, t: float) -> Gesture:
         """Gesture of a player that begins at a time [s]."""
-        entry, actor = turn.given, stage.actors[name]
+        entry, actor = turn.entry, stage.actors[name]
         player, stands = actor.player, actor.footing_at(t)
         try:
             if isinstance(entry, DoesCue):
@@ -423,7 +427,7 @@ class _Verbs:
                 smaller = self._corrections.smaller.get(turn.spot, 1.0)
                 style = replace(style, larger=style.larger * smaller)
                 return self._gestures.gesture(player, entry, style, stands.heading)
-            cue_path, called = (*turn.spot, spelled(entry.verb)), VERBS[entry.verb].called
+            cue_path, called = (*turn.spot, file_key(entry.verb)), VERBS[entry.verb].called
             place = self._aims.place_of(stage, entry.verb_value, cue_path, t)
             gesture = self._gestures.aimed(player, called, place, stands)
             # Aim again from where player and target are when the gesture points.
@@ -431,10 +435,10 @@ class _Verbs:
             place = self._aims.place_of(stage, entry.verb_value, cue_path, t_pointing)
             return self._gestures.aimed(player, called, place, actor.footing_at(t_pointing))
         except StateError as error:
-            raise CannotBe(str(error)) from None
+            raise CueError(str(error)) from None
 
 
-def _moment(part: Part, moment: str) -> float:
+def _moment(part: CuePart, moment: str) -> float:
     """Time of a moment of a player's part [s]."""
     if moment == START:
         return part.start
@@ -445,4 +449,4 @@ def _moment(part: Part, moment: str) -> float:
 
 def _bounds_of(player: Player, speed: float, acceleration: float) -> Array:
     """(2, n_vK) bounds of speeds and accelerations of a player's hands."""
-    return limits(player.marionette.coordinates, speed, acceleration)
+    return motion_bounds(player.marionette.coordinates, speed, acceleration)

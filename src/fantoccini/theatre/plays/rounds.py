@@ -24,7 +24,14 @@ from fantoccini.theatre.cast import (
     act_time_in_words,
     digest,
 )
-from fantoccini.theatre.gestures import Gesture, Motion, Part, Placed, limits, names_and_units
+from fantoccini.theatre.gestures import (
+    CuePart,
+    Gesture,
+    Motion,
+    PlacedCue,
+    motion_bounds,
+    names_and_units,
+)
 from fantoccini.theatre.plays.calming import NONE, calm_gesture, calming
 from fantoccini.theatre.plays.handled import failures, handle_position, standing_place
 from fantoccini.theatre.plays.placing import Placement, place_cues
@@ -32,7 +39,7 @@ from fantoccini.theatre.plays.reading import Script
 from fantoccini.theatre.plays.runs import Runs, excerpt, runs_of
 from fantoccini.theatre.plays.settling import PAUSE, pause
 from fantoccini.theatre.plays.walks import Walks
-from fantoccini.theatre.script import LATE, VERBS, PlayCue, Spot, walks
+from fantoccini.theatre.script import LATENESS_TOLERANCE, VERBS, PlayCue, Spot, is_walk
 
 T = TypeVar("T")
 
@@ -74,7 +81,7 @@ class Results:
     settling_pauses: Mapping[int, tuple[float, float, float]] = field(default_factory=dict)
     touching: tuple[Spot, ...] = ()
 
-    def with_refusal(self, placed: Placed[PlayCue] | None, reason: str) -> Results | None:
+    def with_refusal(self, placed: PlacedCue[PlayCue] | None, reason: str) -> Results | None:
         """The results with a cue refused and the retry counts reset.
 
         None if there is no such cue, or it is refused already.
@@ -133,7 +140,7 @@ class Round:
         """Time in words, in beats of its act."""
         return _in_words(self.placement, t, self.beat)
 
-    def cue_during(self, t: float, owners: set[str]) -> Placed[PlayCue] | None:
+    def cue_during(self, t: float, owners: set[str]) -> PlacedCue[PlayCue] | None:
         """Cue of some players to which a time [s] belongs; None without one."""
         return _cue_during(self.placement.cues, t, owners)
 
@@ -205,7 +212,7 @@ def refuse_fast(stage: Stage, results: Results, this_round: Round) -> Rule:
     bounds, before = stage.script.cast.file.stage, results
     for name, motion in this_round.placement.motions.items():
         table, sizes = motion.coordinates, motion.peaks_of_pieces
-        largest = limits(table, bounds.speed, bounds.acceleration)
+        largest = motion_bounds(table, bounds.speed, bounds.acceleration)
         for row, verb, per in ((0, "moves at", "s"), (1, "changes by", "s^2")):
             ratios = sizes[:, row] / largest[row]
             piece, v = np.unravel_index(int(np.argmax(ratios)), ratios.shape)
@@ -290,9 +297,9 @@ def _calm(stage: Stage, results: Results, this_round: Round) -> Rule:
 def settle(stage: Stage, results: Results, this_round: Round) -> Rule:
     """Computes pauses in which swing decays before cues that may be delayed."""
     jobs: dict[str, Callable[[], tuple[float, float, float]]] = {}
-    cues: dict[str, tuple[int, Placed[PlayCue]]] = {}
+    cues: dict[str, tuple[int, PlacedCue[PlayCue]]] = {}
     for number, cue in enumerate(this_round.placement.cues, 1):
-        longest = max_pause(cue.given, stage.beat)
+        longest = max_pause(cue.entry, stage.beat)
         if len(cue.parts) != 1 or longest <= 0.0:
             continue
         (part,) = cue.parts
@@ -321,7 +328,7 @@ def max_pause(given: PlayCue, beat: float) -> float:
     return PAUSE if given.is_free else 0.0
 
 
-def _separate_motion(placement: Placement, part: Part) -> tuple[float, Motion] | None:
+def _separate_motion(placement: Placement, part: CuePart) -> tuple[float, Motion] | None:
     """Earliest start of a part [s], and its motion from then; None if other parts overlap it."""
     others = [
         other
@@ -333,23 +340,26 @@ def _separate_motion(placement: Placement, part: Part) -> tuple[float, Motion] |
         return None
     start = max([0.0, *(other.end for other in others if other.end <= part.start)])
     whole = placement.motions[part.who]
-    if np.max(np.abs(whole.offsets(start)[1])) > LATE or part.end - start < LATE:
+    if (
+        np.max(np.abs(whole.offsets(start)[1])) > LATENESS_TOLERANCE
+        or part.end - start < LATENESS_TOLERANCE
+    ):
         return None
     return start, excerpt(whole, start, part.end)
 
 
 def _in_words(placement: Placement, t: float, beat: float) -> str:
     """Time in words, in beats of its act."""
-    start = max(act for act in (0.0, *placement.act_starts) if act <= t + LATE)
+    start = max(act for act in (0.0, *placement.act_starts) if act <= t + LATENESS_TOLERANCE)
     return act_time_in_words(t, start, beat)
 
 
 def _cue_during(
-    cues: Sequence[Placed[PlayCue]], t: float, owners: set[str]
-) -> Placed[PlayCue] | None:
+    cues: Sequence[PlacedCue[PlayCue]], t: float, owners: set[str]
+) -> PlacedCue[PlayCue] | None:
     """Last of the cues in progress at a time [s]; a gesture takes precedence over a walk."""
     candidates = [
-        (not walks(cue.given), part.start, -i, cue)
+        (not is_walk(cue.entry), part.start, -i, cue)
         for i, cue in enumerate(cues)
         for part in cue.parts
         if part.who in owners and part.start - _MARGIN_TIME <= t <= part.end + _MARGIN_TIME

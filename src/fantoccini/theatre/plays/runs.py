@@ -364,7 +364,7 @@ def _cuts(motion: Gesture, starts: Sequence[float]) -> list[float]:
 def excerpt(whole: Gesture, begin: float, end: float) -> Motion:
     """Motion of a gesture between two times [s], with offsets of 0 at its beginning."""
     clock = np.union1d(whole.breaks, [begin, end])
-    coef = piecewise.on(whole.breaks, whole.coef, clock)
+    coef = piecewise.refine(whole.breaks, whole.coef, clock)
     inside = (clock[:-1] >= begin) & (clock[:-1] < end)
     breaks, coef = np.append(clock[:-1][inside], end), coef[inside]
     coef[:, :, 0] -= coef[0, :, 0]

@@ -9,7 +9,7 @@ import numpy as np
 
 from fantoccini.base import Array, Times
 from fantoccini.motion import Trajectory
-from fantoccini.theatre.retarget.retargeting import WEIGHTS, Retargeted, places_in
+from fantoccini.theatre.retarget.retargeting import WEIGHTS, RetargetedClip, part_positions
 
 GROUPS = {
     "hands": ("hand_left", "hand_right"),
@@ -43,19 +43,19 @@ class PartError:
     excess: float
 
 
-def places_of(retargeted: Retargeted, run: Trajectory, t: Times) -> dict[str, Array]:
+def places_of(retargeted: RetargetedClip, run: Trajectory, t: Times) -> dict[str, Array]:
     """Part -> (T, 3) position in a run at times of the clip's frames, up to the run's end [m]."""
     run = run.resample(np.clip(t, run.t[0], run.t[-1]))
-    return places_in(retargeted.figure, retargeted.marionette.poses(run.q_D, run.q_K))
+    return part_positions(retargeted.figure, retargeted.marionette.poses(run.q_D, run.q_K))
 
 
-def errors_of(retargeted: Retargeted, run: Trajectory, t: Times) -> dict[str, Array]:
+def errors_of(retargeted: RetargetedClip, run: Trajectory, t: Times) -> dict[str, Array]:
     """Part -> (T,) distance of a run from the clip [m]."""
     places, wanted = places_of(retargeted, run, t), retargeted.places.parts
     return {part: np.linalg.norm(places[part] - wanted[part], axis=1) for part in WEIGHTS}
 
 
-def report_of(retargeted: Retargeted, errors: Mapping[str, Array]) -> tuple[PartError, ...]:
+def report_of(retargeted: RetargetedClip, errors: Mapping[str, Array]) -> tuple[PartError, ...]:
     """Errors of hands, head, feet and trunk, from those of the parts."""
     part_errors = []
     for name, parts in GROUPS.items():
@@ -68,7 +68,7 @@ def report_of(retargeted: Retargeted, errors: Mapping[str, Array]) -> tuple[Part
 
 
 @dataclass(frozen=True)
-class Loss:
+class PartLoss:
     """Time in which a part is much farther from the clip than its hanging pose.
 
     Attributes:
@@ -91,7 +91,7 @@ class Loss:
 
 def losses_of(
     t: Times, errors: Mapping[str, Array], hanging: Mapping[str, Array], allowed: float
-) -> tuple[Loss, ...]:
+) -> tuple[PartLoss, ...]:
     """Losses of all parts, in order of their beginnings.
 
     Args:
@@ -107,11 +107,11 @@ def losses_of(
         for first, after in edges.reshape(-1, 2).tolist():
             begin, end = float(t[first]), float(t[after - 1])
             if end - begin >= MIN_LOSS_TIME:
-                losses.append(Loss(part, begin, end, float(np.max(distance[first:after]))))
+                losses.append(PartLoss(part, begin, end, float(np.max(distance[first:after]))))
     return tuple(sorted(losses, key=lambda loss: loss.begin))
 
 
-def lost_share(losses: tuple[Loss, ...], duration: float) -> float:
+def lost_share(losses: tuple[PartLoss, ...], duration: float) -> float:
     """Largest share of a duration [s] in which one part is lost."""
     lost: dict[str, float] = {}
     for loss in losses:

@@ -37,8 +37,8 @@ from fantoccini.motion import Input, State, Trajectory
 from fantoccini.theatre.capture import Capture
 from fantoccini.theatre.retarget.deviations import (
     MAX_LOST_SHARE,
-    Loss,
     PartError,
+    PartLoss,
     errors_of,
     losses_of,
     lost_share,
@@ -51,12 +51,12 @@ from fantoccini.theatre.retarget.retargeting import (
     LEANS,
     WEIGHTS,
     PlacedClip,
-    Retargeted,
+    RetargetedClip,
     place_clip,
     retarget_clip,
 )
 
-SPEED, ACCELERATION = 2.0, 30.0
+MAX_SPEED, MAX_ACCELERATION = 2.0, 30.0
 """Default bounds of the driven coordinates [m/s, m/s^2]."""
 INTERVAL = 0.05
 """Interval over which the hands' accelerations are constant [s]."""
@@ -98,7 +98,7 @@ class FollowStatus(Outcome):
 
 
 @dataclass(frozen=True, eq=False)
-class Followed:
+class FollowResult:
     """Motion of a puppet that follows a clip. True if its run arrived and is near the clip.
 
     Attributes:
@@ -113,7 +113,7 @@ class Followed:
             the full bounds.
     """
 
-    retargeted: Retargeted
+    retargeted: RetargetedClip
     status: FollowStatus
     run: Trajectory
     acc_K: Array
@@ -141,7 +141,7 @@ class Followed:
         return max(part.reach for part in self.report) / self.retargeted.figure.height
 
     @cached_property
-    def losses(self) -> tuple[Loss, ...]:
+    def losses(self) -> tuple[PartLoss, ...]:
         """Times in which a part is 15 % of the height farther off than its hanging pose."""
         allowed = MAX_ERROR * self.retargeted.figure.height
         return losses_of(self.t, self.errors, self.retargeted.errors, allowed)
@@ -154,7 +154,7 @@ class Followed:
     def __repr__(self) -> str:
         clip = self.retargeted.clip
         excess = ", ".join(f"{part.name} {100 * part.excess:.1f} %" for part in self.report)
-        return f"<Followed {clip.name!r}: {self.status.name}, excess {excess} of the height>"
+        return f"<FollowResult {clip.name!r}: {self.status.name}, excess {excess} of the height>"
 
     @property
     def inputs(self) -> Input:
@@ -193,17 +193,17 @@ class Followed:
 
 def follow_clip(
     marionette: Marionette,
-    clip: Capture | PlacedClip | Retargeted | str | os.PathLike[str],
+    clip: Capture | PlacedClip | RetargetedClip | str | os.PathLike[str],
     mapping: MappingFile | str | os.PathLike[str] | None = None,
     *,
     start: State | None = None,
     travel: float = 1.0,
     up: str | None = None,
     of: str = "",
-    speed: float | Mapping[str, float] = SPEED,
-    acceleration: float | Mapping[str, float] = ACCELERATION,
+    speed: float | Mapping[str, float] = MAX_SPEED,
+    acceleration: float | Mapping[str, float] = MAX_ACCELERATION,
     progress: OnProgress | None = None,
-) -> Followed:
+) -> FollowResult:
     """Motion of the hands with which a puppet follows captured motion.
 
     Strings are vertical; if they cross, the clip is followed again with strings that lean outwards,
@@ -227,12 +227,12 @@ def follow_clip(
     """
     start_time = time.perf_counter()
     has_options = mapping is not None or start is not None or travel != 1.0 or bool(up or of)
-    if has_options and isinstance(clip, PlacedClip | Retargeted):
+    if has_options and isinstance(clip, PlacedClip | RetargetedClip):
         raise StateError(
             "follow_clip: a clip that was placed or retargeted has its mapping, start, travel, up "
             "and of already"
         )
-    if isinstance(clip, Retargeted):
+    if isinstance(clip, RetargetedClip):
         best = _follow_within(clip, speed, acceleration, progress)
     else:
         if not isinstance(clip, PlacedClip):
@@ -249,17 +249,17 @@ def follow_clip(
 
 
 def _follow_within(
-    clip: Retargeted,
+    clip: RetargetedClip,
     speed: float | Mapping[str, float],
     acceleration: float | Mapping[str, float],
     progress: OnProgress | None,
-) -> Followed:
+) -> FollowResult:
     """The clip followed within the full bounds, or within reduced bounds if the run leaves it."""
     names, best = clip.marionette.coordinates.v_K, None
     for share in (1.0, *BOUND_FACTORS):
         bounds = [
             {name: share * limit for name, limit in _by_name(bound, default, names).items()}
-            for bound, default in ((speed, SPEED), (acceleration, ACCELERATION))
+            for bound, default in ((speed, MAX_SPEED), (acceleration, MAX_ACCELERATION))
         ]
         followed = replace(_followed(clip, bounds[0], bounds[1], progress), share=share)
         if best is None or (bool(followed), followed.arrived, -followed.error) > (
@@ -275,11 +275,11 @@ def _follow_within(
 
 
 def _followed(
-    clip: Retargeted,
+    clip: RetargetedClip,
     speed: Mapping[str, float],
     acceleration: Mapping[str, float],
     progress: OnProgress | None,
-) -> Followed:
+) -> FollowResult:
     """The clip followed within bounds of the driven coordinates, by name."""
     marionette, x0 = clip.marionette, clip.start
     t = x0.t + eased(clip.t)
@@ -288,7 +288,7 @@ def _followed(
     # A second run uses the inputs alone, as a stand without feedback does.
     run = simulate(marionette, x0, driven(marionette, x0, acc_K), effort=False, throw=False)
     status = FollowStatus.FOLLOWS if arrived and run.status in ARRIVED else FollowStatus.STOPPED
-    followed = Followed(clip, status, run, acc_K, INTERVAL, t, 0.0)
+    followed = FollowResult(clip, status, run, acc_K, INTERVAL, t, 0.0)
     is_lost = lost_share(followed.losses, float(t[-1] - t[0])) > MAX_LOST_SHARE
     if followed and (followed.error > MAX_ERROR or is_lost):
         return replace(followed, status=FollowStatus.DIVERGED)
@@ -300,8 +300,8 @@ def lead_along(
     x0: State,
     until: float,
     tracks: Sequence[Track],
-    speed: float | Mapping[str, float] = SPEED,
-    acceleration: float | Mapping[str, float] = ACCELERATION,
+    speed: float | Mapping[str, float] = MAX_SPEED,
+    acceleration: float | Mapping[str, float] = MAX_ACCELERATION,
     progress: OnProgress | None = None,
 ) -> tuple[Array, bool]:
     """Accelerations of the hands with which parts follow tracks, by MPC in an event-driven run.
@@ -319,8 +319,8 @@ def lead_along(
     n = int(np.ceil((until - x0.t) / INTERVAL - 1e-9)) + _SETTLING_INTERVALS
     names = marionette.coordinates.v_K
     bounds = Bounds(
-        speed=_by_name(speed, SPEED, names),
-        acceleration=_by_name(acceleration, ACCELERATION, names),
+        speed=_by_name(speed, MAX_SPEED, names),
+        acceleration=_by_name(acceleration, MAX_ACCELERATION, names),
     )
     largest_acceleration = bounds.magnitudes(marionette, "acceleration")
     task = Task(
@@ -378,7 +378,7 @@ def eased(t: Times, ease: float = _EASE_TIME) -> Times:
     return np.where(s < 0.5 * ease, first, np.where(s > end - 0.5 * ease, last, middle))
 
 
-def smoothed(clip: Retargeted) -> tuple[dict[str, Array], Array]:
+def smoothed(clip: RetargetedClip) -> tuple[dict[str, Array], Array]:
     """Part -> (T, 3) positions in the hanging poses, and (T, n_qK) hands, smoothed."""
     frames = _SMOOTHING_TIME * (len(clip.t) - 1) / float(clip.t[-1])
 

@@ -32,18 +32,18 @@ from fantoccini.theatre.retarget.following import (
     tracks_along,
 )
 from fantoccini.theatre.retarget.mapping import MappingFile
-from fantoccini.theatre.retarget.placing import Placing
+from fantoccini.theatre.retarget.placing import PartTargets
 from fantoccini.theatre.retarget.retargeting import (
     LEANS,
     WEIGHTS,
     PlacedClip,
-    Retargeted,
+    RetargetedClip,
+    part_positions,
     place_clip,
-    places_in,
     retarget_clip,
 )
 
-BEGINS, OVER = "begins", "over"
+CLIP_START_MARK, CLIP_END_MARK = "begins", "over"
 """Marks of the clip's first and last frame."""
 _MAX_RATE = 30.0
 """Frame rate above which frames are left out [1/s]."""
@@ -73,7 +73,7 @@ class ClipGesture:
     """
 
     gesture: Gesture
-    retargeted: Retargeted
+    retargeted: RetargetedClip
     t: Times
     run: Trajectory
     report: tuple[PartError, ...]
@@ -159,7 +159,7 @@ def _gesture_with_lean(
 ) -> ClipGesture:
     marionette = placed.figure.marionette
     start = placed.start.replace(t=0.0)
-    home = places_in(placed.figure, marionette.poses(start.q_D[None], start.q_K[None]))
+    home = part_positions(placed.figure, marionette.poses(start.q_D[None], start.q_K[None]))
     retargeted = retarget_clip(marionette, placed)
     dip = max(
         float(np.max(home[foot][0, 2] - retargeted.hanging_positions[foot][:, 2]))
@@ -181,13 +181,13 @@ def _gesture_with_lean(
     )
     bounds = _bounds_for_all_headings(marionette, speed, acceleration)
     acc_K, _ = lead_along(marionette, start, float(t[-1]), tracks, *bounds)
-    gesture = Gesture.of_input(driven(marionette, start, acc_K), name=placed.clip.name)
+    gesture = Gesture.from_input(driven(marionette, start, acc_K), name=placed.clip.name)
     slow = {"speed": speed * _BOUND_SHARES[0], "acceleration": acceleration * _BOUND_SHARES[1]}
     gesture = gesture.then(Gesture.rest(marionette.coordinates, _REST_TIME), **slow)
     frame_times = t[frames]
     if frame_times[-1] > gesture.duration:
         raise StateError(f"{placed.clip.name}: the puppet's run stops at {gesture.duration:.2f} s")
-    marks = {BEGINS: float(frame_times[0]), OVER: float(frame_times[-1])}
+    marks = {CLIP_START_MARK: float(frame_times[0]), CLIP_END_MARK: float(frame_times[-1])}
     gesture = dataclasses.replace(gesture, name=placed.clip.name, marks=marks)
     if lasts is not None:
         frame_times = frame_times * lasts / gesture.duration
@@ -225,7 +225,7 @@ def _raised(placed: PlacedClip, by: float) -> PlacedClip:
     places = placed.places
     return dataclasses.replace(
         placed,
-        places=Placing(
+        places=PartTargets(
             {part: path + up for part, path in places.parts.items()},
             {part: frame + shift for part, frame in places.frames.items()},
             places.scale,
@@ -233,7 +233,7 @@ def _raised(placed: PlacedClip, by: float) -> PlacedClip:
     )
 
 
-def _speed_factor(clip: Retargeted, lasts: float, others: float) -> float:
+def _speed_factor(clip: RetargetedClip, lasts: float, others: float) -> float:
     """Speed factor of the clip for a whole duration [s], of which other parts take a time [s]."""
     remaining = lasts - others
     if remaining <= 0.0:
@@ -256,7 +256,7 @@ def _bounds_for_all_headings(
 
 
 def _lead_times(
-    retargeted: Retargeted, q_K: Array, start: State, speed: float, acceleration: float
+    retargeted: RetargetedClip, q_K: Array, start: State, speed: float, acceleration: float
 ) -> tuple[float, float]:
     """Durations of the leads to the first pose and back from the last [s]."""
     scalars = [q for q, _ in retargeted.marionette.coordinates.scalars_K]

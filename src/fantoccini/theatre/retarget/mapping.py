@@ -105,7 +105,7 @@ class MappingFile(Document):
 
 
 @dataclass(frozen=True)
-class Recognised:
+class RecognisedJoints:
     """Joints of a clip that are recognised without a mapping file.
 
     Attributes:
@@ -162,7 +162,9 @@ def find_mapping(skeleton: Skeleton, name: str = "clip") -> MappingFile:
     return recognise(skeleton, name).mapping
 
 
-def recognise(skeleton: Skeleton, name: str = "clip", positions: Array | None = None) -> Recognised:
+def recognise(
+    skeleton: Skeleton, name: str = "clip", positions: Array | None = None
+) -> RecognisedJoints:
     """Bundled mapping whose joints a skeleton has, or one found by its shape.
 
     Args:
@@ -179,7 +181,7 @@ def recognise(skeleton: Skeleton, name: str = "clip", positions: Array | None = 
     best = max(mappings, key=lambda mapping: len(mapping.find(skeleton)))
     indices = best.find(skeleton)
     if len(indices) == len(PARTS):
-        return Recognised(best)
+        return RecognisedJoints(best)
     try:
         guess = guess_joints(skeleton, positions)
     except StateError as error:
@@ -194,7 +196,7 @@ def recognise(skeleton: Skeleton, name: str = "clip", positions: Array | None = 
         )
         raise FileError([Mistake(name, None, "", text)]) from None
     named = {part: skeleton.names[guess.joints[part]] for part in PARTS}
-    return Recognised(MappingFile(mapping="found", joints=named), guess.doubts, by_shape=True)
+    return RecognisedJoints(MappingFile(mapping="found", joints=named), guess.doubts, by_shape=True)
 
 
 def joints_of(mapping: MappingFile, skeleton: Skeleton, name: str = "clip") -> dict[str, int]:

@@ -36,7 +36,7 @@ _FLOOR_PERCENTILE = 2.0
 
 
 @dataclass(frozen=True, eq=False)
-class Placing:
+class PartTargets:
     """Targets over time.
 
     Attributes:
@@ -56,7 +56,7 @@ def place(
     joints: Mapping[str, int],
     travel: float = 1.0,
     turning: float = 1.0,
-) -> Placing:
+) -> PartTargets:
     """Targets of a puppet's parts from a clip.
 
     The clip begins at the puppet's place and heading; the floor is below the puppet's feet.
@@ -111,7 +111,7 @@ def place(
             longest = _MAX_STRETCH * sum(np.linalg.norm(figure.at(part)) for part in (middle, end))
             size = np.linalg.norm(reach, axis=1, keepdims=True)
             parts[end] = parts[begin] + reach * np.minimum(1.0, longest / np.maximum(size, 1e-9))
-    return Placing(parts, frames, scale)
+    return PartTargets(parts, frames, scale)
 
 
 @dataclass(frozen=True, eq=False)

@@ -24,7 +24,7 @@ from fantoccini.motion import State
 from fantoccini.theatre.capture import Capture, load_bvh
 from fantoccini.theatre.retarget.figure import Figure, figure_of
 from fantoccini.theatre.retarget.mapping import MappingFile, joints_of, load_mapping, recognise
-from fantoccini.theatre.retarget.placing import Placing, place
+from fantoccini.theatre.retarget.placing import PartTargets, place
 
 WEIGHTS = {
     "head": 1.0,
@@ -56,7 +56,7 @@ _MIN_UPWARD = 0.5
 
 
 @dataclass(frozen=True, eq=False)
-class Retargeted:
+class RetargetedClip:
     """Clip with the hanging poses of a puppet that are nearest to it.
 
     Attributes:
@@ -72,13 +72,13 @@ class Retargeted:
     figure: Figure
     clip: Capture
     t: Times
-    places: Placing
+    places: PartTargets
     reach: ReachedPoses
 
     def __repr__(self) -> str:
         worst = max(float(np.sqrt(np.mean(e**2))) for e in self.errors.values())
         return (
-            f"<Retargeted {self.clip.name!r}: {len(self.t)} poses of {self.marionette.name!r}, "
+            f"<RetargetedClip {self.clip.name!r}: {len(self.t)} poses of {self.marionette.name!r}, "
             f"{self.settled} of them settled, {1e3 * worst:.3g} mm from the clip at most (root "
             "mean square)>"
         )
@@ -93,7 +93,7 @@ class Retargeted:
     def hanging_positions(self) -> dict[str, Array]:
         """Part -> (T, 3) position in the hanging poses."""
         poses = self.marionette.poses(self.reach.q_D, self.reach.q_K)
-        return places_in(self.figure, poses)
+        return part_positions(self.figure, poses)
 
     @cached_property
     def errors(self) -> dict[str, Array]:
@@ -138,7 +138,7 @@ class PlacedClip:
     figure: Figure
     start: State
     clip: Capture
-    places: Placing
+    places: PartTargets
     lean: float = 0.0
 
 
@@ -191,7 +191,7 @@ def retarget_clip(
     up: str | None = None,
     turning: float = 1.0,
     of: str = "",
-) -> Retargeted:
+) -> RetargetedClip:
     """Hanging poses of a puppet that are nearest to captured motion, one for each frame.
 
     Args:
@@ -239,7 +239,7 @@ def retarget_clip(
     except StateError:  # a small change of the first pose would make the puppet tip over
         reached_poses = reach(marionette, targets, start, iterations=ITERATIONS, **options)
     t = clip.clip.t - clip.clip.t[0]
-    return Retargeted(marionette, figure, clip.clip, t, placing, reached_poses)
+    return RetargetedClip(marionette, figure, clip.clip, t, placing, reached_poses)
 
 
 def _up(clip: Capture, joints: Mapping[str, int]) -> str | None:
@@ -258,7 +258,7 @@ def _up(clip: Capture, joints: Mapping[str, int]) -> str | None:
     return "xyz"[axis]
 
 
-def places_in(figure: Figure, poses: Array) -> dict[str, Array]:
+def part_positions(figure: Figure, poses: Array) -> dict[str, Array]:
     """Part -> (T, 3) positions in poses (T, n_links, 3, 4)."""
     positions = {}
     for part, (body, at) in figure.points.items():

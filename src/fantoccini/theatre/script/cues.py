@@ -93,7 +93,7 @@ class MarkedCue(CueFile):
             raise mistake(f"found {len(self.on)} marks in `on`; needed: one")
 
 
-class Styled(MarkedCue):
+class StyledCue(MarkedCue):
     """A cue with variations of its gesture."""
 
     keys_rule: ClassVar[str] = "only `does` has `{key}`"
@@ -143,7 +143,7 @@ class HoldCue(ScoreCue):
     """Duration of the rest."""
 
 
-class PlayedCue(ScoreCue, Styled):
+class PlayedCue(ScoreCue, StyledCue):
     """A gesture or a phrase."""
 
     heading: Angle | None = None
@@ -250,7 +250,7 @@ class TimedCue(PlayCue, MarkedCue):
             raise mistake(f"found `on: {{{self.mark}: ...}}`; needed: a mark, or `when`")
 
 
-class DoesCue(TimedCue, Styled):
+class DoesCue(TimedCue, StyledCue):
     """A gesture."""
 
     verb: ClassVar[str] = "does"
@@ -283,7 +283,7 @@ class WalkCue(TimedCue):
             for place in (self.verb_value, *self.past)
         ):
             raise mistake(
-                f"found a place of three numbers in `{spelled(self.verb)}`; needed: [x, y]"
+                f"found a place of three numbers in `{file_key(self.verb)}`; needed: [x, y]"
             )
 
 
@@ -348,7 +348,7 @@ class PropCue(PlayCue):
         """Refuses several players."""
         if len(self.who) != 1 or self.who == ("all",):
             named = "`all`" if self.who == ("all",) else f"{len(self.who)} players"
-            raise mistake(f"found {named}; needed: one player, who `{spelled(self.verb)}`")
+            raise mistake(f"found {named}; needed: one player, who `{file_key(self.verb)}`")
 
 
 class GivesCue(PropCue):
@@ -412,6 +412,6 @@ class VerblessPlayCue(PlayCue):
     who: Names = ("all",)
 
 
-def spelled(key: str) -> str:
+def file_key(key: str) -> str:
     """A key as it is written: ``walks_to`` is ``walks to``."""
     return key.replace("_", " ")

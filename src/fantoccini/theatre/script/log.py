@@ -6,7 +6,7 @@ from fantoccini.base import Mistake
 from fantoccini.base.documents import Located, Mistakes
 from fantoccini.theatre.script.values import Spot
 
-LATE = 1e-6
+LATENESS_TOLERANCE = 1e-6
 """Lateness above which a cue is reported [s]."""
 
 

@@ -17,7 +17,7 @@ from fantoccini.theatre.script.cues import (
     ScoreCue,
     VerblessPlayCue,
     VerblessScoreCue,
-    spelled,
+    file_key,
 )
 from fantoccini.theatre.script.verbs import VERBS
 
@@ -28,7 +28,7 @@ _VERBLESS = "<none>"
 def _keys(cue: type[CueFile]) -> dict[str, str]:
     """Keys of a cue as they are written -> sentence about the cues that have them."""
     return {
-        spelled(key): next(
+        file_key(key): next(
             base.keys_rule
             for base in cue.__mro__
             if issubclass(base, CueFile) and key in base.__annotations__
@@ -51,7 +51,7 @@ class _ByVerb:
         self, kind: type[CueFile], verbless: type[CueFile], no_verb: str, needed: str = ""
     ):
         classes = [verb.cue for verb in VERBS.values() if issubclass(verb.cue, kind)]
-        self._cues = {spelled(cue.verb): cue for cue in classes}
+        self._cues = {file_key(cue.verb): cue for cue in classes}
         self._keys = {cue: _keys(cue) for cue in classes}
         self._needed = needed or ", ".join(f"`{verb}`" for verb in self._cues)
         self._no_verb, self._verbless = no_verb, verbless
@@ -76,7 +76,7 @@ class _ByVerb:
         """Refuses several verbs, keys of other verbs, and missing keys of the verb."""
         if not isinstance(data, dict):
             return data
-        keys_present, verbs = {spelled(str(key)) for key in data}, self._verbs(data)
+        keys_present, verbs = {file_key(str(key)) for key in data}, self._verbs(data)
         known = {key for keys in self._keys.values() for key in keys}
         if len(verbs) > 1:
             both = " and ".join(f"`{verb}`" for verb in verbs)
@@ -84,13 +84,13 @@ class _ByVerb:
         if not verbs:
             if keys_present <= known:
                 raise mistake(f"found {self._no_verb}; needed: one of {self._needed}")
-            return {key: value for key, value in data.items() if spelled(str(key)) not in known}
+            return {key: value for key, value in data.items() if file_key(str(key)) not in known}
         cue = self._cues[verbs[0]]
         allowed = self._keys[cue]
         foreign = {
-            key: value for key, value in data.items() if spelled(str(key)) in known - {*allowed}
+            key: value for key, value in data.items() if file_key(str(key)) in known - {*allowed}
         }
-        for key in sorted(spelled(key) for key, value in foreign.items() if value is not None):
+        for key in sorted(file_key(key) for key, value in foreign.items() if value is not None):
             keys_rule = next(keys[key] for keys in self._keys.values() if key in keys)
             sentence = cue.other_keys_rule or keys_rule.format(key=key)
             raise mistake(f"found `{verbs[0]}` with `{key}`; {sentence}")
@@ -101,7 +101,7 @@ class _ByVerb:
         return {key: value for key, value in data.items() if key not in foreign}
 
     def _verbs(self, data: dict[Any, Any]) -> list[str]:
-        keys_present = {spelled(str(key)) for key, value in data.items() if value is not None}
+        keys_present = {file_key(str(key)) for key, value in data.items() if value is not None}
         return [verb for verb in self._cues if verb in keys_present]
 
 

@@ -38,7 +38,7 @@ class Verb:
     located: Literal["", "place", "handle"] = ""
 
 
-ARRIVES = "arrives"
+ARRIVAL_MARK = "arrives"
 """Mark at the end of a walk."""
 
 _WALK = {"past": "place", "facing": "direction"}
@@ -50,10 +50,10 @@ VERBS: dict[str, Verb] = {
         Verb(cues.PhraseCue, "strings"),
         Verb(cues.HoldCue, "strings"),
         Verb(cues.DoesCue, "strings"),
-        Verb(cues.WalksToCue, "player", "walk", {"walks_to": "place", **_WALK}, (ARRIVES,)),
-        Verb(cues.EntersToCue, "player", "enter", {"enters_to": "place", **_WALK}, (ARRIVES,)),
-        Verb(cues.ExitsToCue, "player", "exit", {"exits_to": "place", **_WALK}, (ARRIVES,)),
-        Verb(cues.TurnsToCue, "player", "turn", {"turns_to": "direction"}, (ARRIVES,)),
+        Verb(cues.WalksToCue, "player", "walk", {"walks_to": "place", **_WALK}, (ARRIVAL_MARK,)),
+        Verb(cues.EntersToCue, "player", "enter", {"enters_to": "place", **_WALK}, (ARRIVAL_MARK,)),
+        Verb(cues.ExitsToCue, "player", "exit", {"exits_to": "place", **_WALK}, (ARRIVAL_MARK,)),
+        Verb(cues.TurnsToCue, "player", "turn", {"turns_to": "direction"}, (ARRIVAL_MARK,)),
         Verb(cues.LooksAtCue, "strings", "look", {"looks_at": "place"}, ("there",)),
         Verb(cues.PointsAtCue, "strings", "point", {"points_at": "place"}, ("points",)),
         Verb(
@@ -90,6 +90,6 @@ VERBS: dict[str, Verb] = {
 """Key of a verb -> the verb."""
 
 
-def walks(given: CueFile) -> bool:
+def is_walk(given: CueFile) -> bool:
     """Whether a cue moves the players over the stage."""
     return VERBS[given.verb].moves == "player"
