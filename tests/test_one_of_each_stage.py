@@ -94,7 +94,7 @@ def test_scores_and_plays_take_the_verbs_of_the_table():
 @pytest.mark.parametrize("key", VERBS)
 def test_names_of_a_verb_are_keys_of_its_cues(key: str):
     verb = VERBS[key]
-    assert {*verb.names} <= {*verb.cue.model_fields}
+    assert {*verb.name_kinds} <= {*verb.cue.model_fields}
     assert verb.cue.verb == key and file_key(key) not in STYLE_WORDS
 
 

@@ -200,7 +200,7 @@ def _check_bodies(file: PlayFile, players: Mapping[str, Player], log: ScriptLog)
     for a, act in enumerate(file.acts):
         for c, cue in enumerate(act.cues):
             verb = file_key(cue.verb)
-            names = {kind: getattr(cue, key) for key, kind in VERBS[cue.verb].names.items()}
+            names = {kind: getattr(cue, key) for key, kind in VERBS[cue.verb].name_kinds.items()}
             limbs = _needed_limbs(names)
             others = [names["player"]] if "prop" in names and "player" in names else []
             for who in (*cue.who[:1], *others):

@@ -63,7 +63,7 @@ def play_timeline(
             who = _who(file, entry, spot, log)
             if isinstance(entry, GivesCue) and entry.to in file.cast and entry.to not in who:
                 who = (*who, entry.to)
-            name = entry.name or VERBS[entry.verb].called or str(entry.verb_value)
+            name = entry.name or VERBS[entry.verb].default_name or str(entry.verb_value)
             name = name.rsplit("/", 1)[-1].rsplit(".", 1)[0]
             known = (*marks(entry, spot), START, END)
             before = tuple(last[player] for player in who if player in last)
@@ -94,8 +94,8 @@ def play_timeline(
     for a, act in enumerate(file.acts):
         for i, shot in enumerate(act.camera):
             spot = when_of_shot(a, i)
-            other = player_time_before(timeline.acts[a + 1], spot, shot.when)
-            refs[spot] = timeline.names.read(shot.when, spot) if other is None else other
+            other = player_time_before(timeline.act_bounds[a + 1], spot, shot.when)
+            refs[spot] = timeline.time_resolver.read(shot.when, spot) if other is None else other
     timeline = replace(timeline, refs=refs)
     _check_order(file, timeline, log)
     _check_entrances(file, timeline, log)

@@ -172,7 +172,7 @@ class _Walk:
         gait, ends, L = self._gait, self._ends, self._L
         path, heading = self._track.at(self._clock * gait.step_time)
         offset = _sum(scale_curve(-1j * gait.body_lead * L, self._down), self._sway())
-        others = [name for name in ends.places if name not in self._leg_of_string]
+        others = [name for name in ends.positions if name not in self._leg_of_string]
         ends.move_rigidly(path, heading, offset, others)
         for string, length in self._lengths.items():
             if string in self._leg_of_string:

@@ -89,8 +89,9 @@ def report_motion_at_waits(
                 log.mistakes.add(
                     spot,
                     f"the {quantity} of {gesture.coordinates.v_K[v]} {log.in_words(wait.t)}, in "
-                    f"{_cue_text(cues, wait.t, v, log)}, differs by {differences[v]:.3g} {unit} from "
-                    f"that {log.in_words(wait.loop_start)}; needed: a loop that ends as it begins",
+                    f"{_cue_text(cues, wait.t, v, log)}, differs by {differences[v]:.3g} {unit} "
+                    f"from that {log.in_words(wait.loop_start)}; needed: a loop that ends as it "
+                    "begins",
                 )
                 break
 

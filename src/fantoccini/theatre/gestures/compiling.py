@@ -65,7 +65,7 @@ class _Compiler:
         lane_cues: dict[str, Any] = {
             lane: (("lanes", lane), cues) for lane, cues in file.lanes.items()
         }
-        placed_lanes = place_lanes(lane_cues, file.marks, gestures.of, bounds, log)
+        placed_lanes = place_lanes(lane_cues, file.marks, gestures.for_cue, bounds, log)
         gestures.read_all()
         log.mistakes.refuse()
         assert placed_lanes is not None  # otherwise there are mistakes

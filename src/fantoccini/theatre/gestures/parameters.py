@@ -9,7 +9,7 @@ from fantoccini.base import StateError, UnknownNameError
 from fantoccini.base.documents import Mistakes
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import State, Table
-from fantoccini.theatre.gestures.aiming import Aim, AimTarget, look, point
+from fantoccini.theatre.gestures.aiming import Aim, AimTarget, looking_gesture, pointing_gesture
 from fantoccini.theatre.gestures.body_parts import BodyParts
 from fantoccini.theatre.gestures.control_walk import walk_on_control
 from fantoccini.theatre.gestures.ends import Ends
@@ -91,4 +91,4 @@ def computed_gesture(
     if parameters.to is None:
         return walk(ends, mistakes, parameters.steps, parameters.step, parameters.turn)
     aim = Aim(puppet, start, prefix, parameters.to, mistakes)
-    return (point if name == "point" else look)(ends, aim, mistakes)
+    return (pointing_gesture if name == "point" else looking_gesture)(ends, aim, mistakes)

@@ -38,11 +38,12 @@ class LatenessPolicy:
 
     Attributes:
         tolerance: largest lateness that is ignored [s].
-        refusing: errors for which a cue is left out; if empty, a late cue is done and reported.
+        refusal_errors: errors for which a cue is left out; if empty, a late cue is done and
+            reported.
     """
 
     tolerance: float
-    refusing: tuple[type[Exception], ...] = ()
+    refusal_errors: tuple[type[Exception], ...] = ()
 
     def check(self, lateness: float, patience: float, message: Callable[[], str]) -> str:
         """Message about a cue that is too late; "" if it is in time.
@@ -57,7 +58,7 @@ class LatenessPolicy:
         """
         if lateness <= patience + self.tolerance:
             return ""
-        if self.refusing:
+        if self.refusal_errors:
             raise CueError(message())
         return message()
 
@@ -225,13 +226,13 @@ class PendingCue(Generic[CueT]):
 
     Attributes:
         cue: cue of the file, with its players.
-        wanted: wanted time of the cue, or of its mark in `on` [s].
+        wanted_time: wanted time of the cue, or of its mark in `on` [s].
         start: start of its act [s].
         moments: keys of a placed cue or mark -> its moments.
     """
 
     cue: Cue[CueT]
-    wanted: float
+    wanted_time: float
     start: float
     moments: Mapping[Spot, Moments]
 
@@ -257,14 +258,14 @@ class PlacedCue(Generic[CueT]):
 
     Attributes:
         cue: cue of the file, with its players.
-        wanted: wanted time of the cue, or of its mark in `on` [s].
+        wanted_time: wanted time of the cue, or of its mark in `on` [s].
         parts: parts of the players; empty if it cannot be done.
         moments: mark, ``start`` or ``end`` -> time [s]; of several players the last.
         refused: reason why it cannot be done; "" if it can.
     """
 
     cue: Cue[CueT]
-    wanted: float
+    wanted_time: float
     parts: tuple[CuePart, ...]
     moments: Moments
     refused: str = ""
@@ -302,49 +303,51 @@ class Performer(Generic[CueT, StateT]):
     Attributes:
         timeline: cues of the script.
         policy: treatment of cues that would be late.
-        do: performs a cue: returns the next state, the parts of the players and the moments of the
+        perform: returns the next state, the parts of the players and the moments of the
             cue, from a state and the cue.
-        mark: returns the time of a mark of the file, from its written time [s].
+        time_of_mark: returns the time of a mark of the file, from its written time [s].
         refused: keys of a cue that is left out -> reason.
     """
 
     timeline: Timeline[CueT]
     policy: LatenessPolicy
-    do: Callable[[StateT, PendingCue[CueT]], tuple[StateT, tuple[CuePart, ...], Moments]]
-    mark: Callable[[Spot, float], float] = lambda spot, t: t
+    perform: Callable[[StateT, PendingCue[CueT]], tuple[StateT, tuple[CuePart, ...], Moments]]
+    time_of_mark: Callable[[Spot, float], float] = lambda spot, t: t
     refused: Mapping[Spot, str] = field(default_factory=dict)
 
-    def act(
-        self, before: PerformedScript[CueT, StateT], number: int, start: float
+    def perform_act(
+        self, performed: PerformedScript[CueT, StateT], act: int, start: float
     ) -> PerformedScript[CueT, StateT]:
         """The script with one more act performed.
 
         Args:
-            before: script up to the act.
-            number: number of the act.
+            performed: script up to the act.
+            act: number of the act.
             start: start of the act [s].
         """
-        state, moments, placed = before.state, dict(before.moments), dict(before.placed)
+        state, moments, placed = performed.state, dict(performed.moments), dict(performed.placed)
 
-        def perform(cue: Cue[CueT], t: float) -> Moments:
+        def place_cue(cue: Cue[CueT], t: float) -> Moments:
             nonlocal state
             state, placed[cue.spot] = self._perform_cue(state, PendingCue(cue, t, start, moments))
             return placed[cue.spot].moments
 
-        self.timeline.place(number, start, moments, perform, self.mark)
+        self.timeline.place(act, start, moments, place_cue, self.time_of_mark)
         return PerformedScript(state, moments, placed)
 
-    def _perform_cue(self, state: StateT, turn: PendingCue[CueT]) -> tuple[StateT, PlacedCue[CueT]]:
+    def _perform_cue(
+        self, state: StateT, pending: PendingCue[CueT]
+    ) -> tuple[StateT, PlacedCue[CueT]]:
         """State after a cue, and the placed cue; the state is unchanged if it is refused."""
-        cue, reason = turn.cue, self.refused.get(turn.spot, "")
+        cue, reason = pending.cue, self.refused.get(pending.spot, "")
         if not reason:
             try:
-                next_state, parts, moments = self.do(state, turn)
-                return next_state, PlacedCue(cue, turn.wanted, parts, moments)
-            except self.policy.refusing as error:
+                next_state, parts, moments = self.perform(state, pending)
+                return next_state, PlacedCue(cue, pending.wanted_time, parts, moments)
+            except self.policy.refusal_errors as error:
                 reason = str(error)
         # Later cues begin as if it had been done, but not while the player is busy.
-        t = max(turn.wanted, 0.0)
-        end_time = max([t, *(turn.moments[before.spot][END] for before in cue.before)])
+        t = max(pending.wanted_time, 0.0)
+        end_time = max([t, *(pending.moments[previous.spot][END] for previous in cue.previous)])
         moments = dict.fromkeys(cue.moment_names, t) | {END: end_time}
-        return state, PlacedCue(cue, turn.wanted, (), moments, reason)
+        return state, PlacedCue(cue, pending.wanted_time, (), moments, reason)

@@ -54,7 +54,7 @@ class ScoreGestures:
         for name in self._file.phrases:
             self._phrase(name, ("phrases", name))
 
-    def of(self, cue: PlayedCue, spot: Spot) -> tuple[Gesture, Gesture] | None:
+    def for_cue(self, cue: PlayedCue, spot: Spot) -> tuple[Gesture, Gesture] | None:
         """Gesture of a cue, once and with its repetitions; None after a mistake."""
         if isinstance(cue, PhraseCue):
             gesture = self._phrase(cue.phrase, (*spot, "phrase"))
@@ -146,7 +146,7 @@ class ScoreGestures:
 
     def _phrase_gesture(self, name: str) -> Gesture | None:
         lanes = {name: (("phrases", name), self._file.phrases[name])}
-        placed = place_lanes(lanes, {}, self.of, self._bounds, self._log, phrase=True)
+        placed = place_lanes(lanes, {}, self.for_cue, self._bounds, self._log, is_phrase=True)
         if placed is None or self._log.mistakes:
             return None
         marks: dict[str, float] = {}

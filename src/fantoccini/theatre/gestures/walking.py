@@ -117,7 +117,7 @@ def step_gesture(ends: Ends, steps: Sequence[Step], step_time: float = STEP_TIME
     lifts = scale * np.array([_KNEE_LIFT if step.length else _KNEE_LIFT_ON_SPOT for step in steps])
     path, heading = track.at(step_clock * step_time)
     ends.move_rigidly(path, heading, scale_curve(-SWAY * scale * side_sign[k], rise))
-    for side in ends.body:
+    for side in ends.body_strings:
         ends.add(f"{side}.length", scale_curve(-_BODY_RISE * scale * is_moving[k], rise))
     marks: dict[str, float] = {}
     for side, sign in zip(_SIDES, (1.0, -1.0), strict=True):

@@ -38,7 +38,7 @@ class Aims:
         spots: list[Spot] = [(*turn.spot, "past", i) for i in range(len(entry.past))]
         spots.append((*turn.spot, file_key(entry.verb)))
         places = [
-            self.place_of(stage, where, spot, turn.wanted)
+            self.place_of(stage, where, spot, turn.wanted_time)
             for where, spot in zip((*entry.past, last), spots, strict=True)
         ]
         z = [here.place, *(complex(place[0], place[1]) for place in places)]
@@ -68,7 +68,7 @@ class Aims:
         direction = self._places.direction(given, (*turn.spot, key))
         if not isinstance(direction, str):
             return direction
-        place = self.place_of(stage, direction, (*turn.spot, key), turn.wanted)
+        place = self.place_of(stage, direction, (*turn.spot, key), turn.wanted_time)
         z = complex(place[0], place[1])
         return footing.towards(z) if abs(z - footing.place) > _SAME_PLACE else footing.heading
 

@@ -358,10 +358,10 @@ def _cue(stage: Stage, placed: PlacedCue[PlayCue], passes: str) -> CueOfPlay:
         described(cue),
         cue.name,
         stage.script.log.located.line(cue.spot) or 0,
-        placed.wanted,
+        placed.wanted_time,
         entry.patience * stage.beat,
-        min((part.start for part in parts), default=placed.wanted),
-        max((part.end for part in parts), default=placed.wanted),
+        min((part.start for part in parts), default=placed.wanted_time),
+        max((part.end for part in parts), default=placed.wanted_time),
         entry.mark,
         entry.go,
         entry.says or "",
@@ -391,7 +391,7 @@ def described(cue: Cue[PlayCue]) -> str:
     if isinstance(entry, DoesCue):
         return f"{' and '.join(cue.who)}: {what}"
     if isinstance(entry, PropCue):
-        others = [key for key in VERBS[verb].names if key != verb]
+        others = [key for key in VERBS[verb].name_kinds if key != verb]
         return " ".join(
             [
                 f"{entry.who[0]}: {file_key(verb)} {what}",

@@ -101,4 +101,4 @@ def _limb_lateness(
 def _hand_lateness(cue: PlacedCue[PlayCue], name: str) -> float:
     """Lateness of a player's hands on the mark in `on` [s]."""
     part = next(part for part in cue.parts if part.who == name)
-    return part.marks[cue.entry.mark] - cue.wanted
+    return part.marks[cue.entry.mark] - cue.wanted_time

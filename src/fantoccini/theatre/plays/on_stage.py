@@ -160,7 +160,7 @@ class OnStage:
         self, turn: PendingCue[PlayCue], prop: str, pairs: frozenset[Pair], start: float, end: float
     ) -> OnStage:
         """Stage with a meeting of the cue's players and a prop [s]."""
-        kind = VERBS[turn.entry.verb].meets
+        kind = VERBS[turn.entry.verb].meeting
         assert kind is not None
         return self.with_meetings(Meeting(start, end, turn.who, (prop,), pairs, kind, turn.spot))
 

@@ -131,8 +131,8 @@ def place_cues(
     for act, act_file in enumerate(cast.file.acts):
         start += act_file.after * log.beat
         starts.append(start)
-        play = performer.act(play, act, start)
-        start = max([start, *(play.moments[cue.spot][END] for cue in timeline.of_act(act))])
+        play = performer.perform_act(play, act, start)
+        start = max([start, *(play.moments[cue.spot][END] for cue in timeline.cues_of_act(act))])
     stage = play.state
     actors = {name: actor.rested() for name, actor in stage.actors.items()}
     end = max(start, *(actor.done for actor in actors.values())) + _SETTLING_TIME
@@ -205,7 +205,7 @@ class _Verbs:
 
     def _do_alone(self, stage: OnStage, turn: PendingCue[PlayCue], name: str) -> OnStage:
         """Stage after the part of one player in a cue without a prop."""
-        entry, t = turn.entry, turn.wanted
+        entry, t = turn.entry, turn.wanted_time
         if stage.actors[name].away and not isinstance(entry, EntersToCue):
             raise CueError(f"{name} is off the stage")
         if is_walk(entry):
@@ -216,7 +216,7 @@ class _Verbs:
 
     def _beginning(self, turn: PendingCue[PlayCue], name: str) -> tuple[float, float]:
         """Wanted beginning of a player's part, and the earliest one after its pause [s]."""
-        wanted = turn.wanted - self._corrections.earlier.get((turn.spot, name), 0.0)
+        wanted = turn.wanted_time - self._corrections.earlier.get((turn.spot, name), 0.0)
         return wanted, wanted + self._corrections.pauses.get(turn.spot, 0.0)
 
     def _walk_or_pass(self, stage: OnStage, turn: PendingCue[PlayCue], name: str) -> OnStage:
@@ -234,7 +234,7 @@ class _Verbs:
             (other,) = later.who
             try:
                 after = self._walk(stage, turn, name, absent=other)
-                if later.wanted > after.actors[name].done:
+                if later.wanted_time > after.actors[name].done:
                     continue
                 way = self._walk(after, later, other).actors[other].ways[-1]
                 leaves = way.begin if way.steps else np.inf
@@ -249,7 +249,7 @@ class _Verbs:
     def _next_walks(self, turn: PendingCue[PlayCue]) -> Iterator[PendingCue[PlayCue]]:
         """Turns of the other players whose next cue in the act is a walk at a known time."""
         seen = {*turn.who}
-        for cue in self._timeline.of_act(turn.cue.act):
+        for cue in self._timeline.cues_of_act(turn.cue.act):
             if cue.spot in turn.moments or seen & {*cue.who}:
                 continue
             seen |= {*cue.who}
@@ -257,11 +257,11 @@ class _Verbs:
             if is_known and len(cue.who) == 1 and is_walk(cue.entry):
                 t = self._timeline.wanted_time(cue, turn.start, turn.moments)
                 if cue.spot not in self._corrections.refused:
-                    yield replace(turn, cue=cue, wanted=t)
+                    yield replace(turn, cue=cue, wanted_time=t)
 
     def _do_with_prop(self, stage: OnStage, turn: PendingCue[PlayCue]) -> tuple[OnStage, Moments]:
         """Stage after a cue with a prop, and its moments."""
-        t = turn.wanted
+        t = turn.wanted_time
         for name in turn.who:
             if stage.actors[name].away:
                 raise CueError(f"{name} is off the stage")
@@ -274,7 +274,7 @@ class _Verbs:
 
     def _check_begin(self, turn: PendingCue[PlayCue]) -> None:
         """Refuses a cue whose time is before its act, or before a GO that its act waits for."""
-        t, start, go = turn.wanted, turn.start, self._timeline.gos.get(turn.spot)
+        t, start, go = turn.wanted_time, turn.start, self._timeline.go_cues.get(turn.spot)
         if t < start - LATENESS_TOLERANCE:
             begins = self._in_words(turn, start)
             early = self._log.duration_in_words(start - t)
@@ -364,7 +364,7 @@ class _Verbs:
         n_standing = len(list(takewhile(lambda step: step.stands, way.steps)))
         moves_off = way.begin + n_standing * way.step_time
         if arrival is not None:
-            self._check_time(turn, name, abs(way.end - turn.wanted), way.end)
+            self._check_time(turn, name, abs(way.end - turn.wanted_time), way.end)
         else:
             self._check_time(turn, name, moves_off - wanted, moves_off)
         until = self._end_of_gestures_in_turn(actor, way)
@@ -427,7 +427,7 @@ class _Verbs:
                 smaller = self._corrections.smaller.get(turn.spot, 1.0)
                 style = replace(style, larger=style.larger * smaller)
                 return self._gestures.gesture(player, entry, style, stands.heading)
-            cue_path, called = (*turn.spot, file_key(entry.verb)), VERBS[entry.verb].called
+            cue_path, called = (*turn.spot, file_key(entry.verb)), VERBS[entry.verb].default_name
             place = self._aims.place_of(stage, entry.verb_value, cue_path, t)
             gesture = self._gestures.aimed(player, called, place, stands)
             # Aim again from where player and target are when the gesture points.

@@ -184,7 +184,7 @@ class PlayerGestures:
             return gesture if isinstance(gesture, str) else ""
         try:
             if isinstance(given, LooksAtCue | PointsAtCue):
-                check_parts(player.marionette, player.rest_state, VERBS[given.verb].called)
+                check_parts(player.marionette, player.rest_state, VERBS[given.verb].default_name)
             else:
                 player.ends()
         except (StateError, UnknownNameError) as error:

@@ -104,7 +104,7 @@ def _check_cue_names(
         "seat": ("prop or obstacle", [*file.props, *obstacles]),
         "table": ("obstacle", obstacles),
     }
-    for key, kind in VERBS[cue.verb].names.items():
+    for key, kind in VERBS[cue.verb].name_kinds.items():
         name, place = getattr(cue, key), (*spot, file_key(key))
         if kind == "direction" and name is not None:
             places.direction(name, place)

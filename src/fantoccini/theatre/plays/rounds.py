@@ -43,7 +43,7 @@ from fantoccini.theatre.script import LATENESS_TOLERANCE, VERBS, PlayCue, Spot, 
 
 T = TypeVar("T")
 
-_LOCATED = {verb.meets: verb.located for verb in VERBS.values()}
+_LOCATED = {verb.meeting: verb.measured_property for verb in VERBS.values()}
 """Kind of meeting -> property of a prop that is measured before it."""
 
 PEAK_TOLERANCE = 2e-3

@@ -64,7 +64,7 @@ def whole_score(
             speaker = " and ".join(who)
             captions.append(Caption(start, max(end, start + 1.0), cue.entry.says, speaker))
         if cue.entry.go:
-            waits.append(Wait(f"cue {number}", min(start, placed.wanted)))
+            waits.append(Wait(f"cue {number}", min(start, placed.wanted_time)))
     sounds = sounds_of(file, log)
     marks = {name: beat * log.beat for name, beat in file.times.items()}
     return Score(

@@ -30,7 +30,7 @@ class Cue(Generic[CueT]):
         who: players; in a score, the lane.
         name: name by which times refer to it; "" if none can.
         moment_names: names of its moments.
-        before: previous cues of its players.
+        previous: previous cues of its players.
     """
 
     spot: Spot
@@ -40,7 +40,7 @@ class Cue(Generic[CueT]):
     who: tuple[str, ...]
     name: str
     moment_names: tuple[str, ...]
-    before: tuple[Cue[CueT], ...] = ()
+    previous: tuple[Cue[CueT], ...] = ()
 
     @property
     def is_named(self) -> bool:
@@ -59,43 +59,43 @@ class Timeline(Generic[CueT]):
 
     Attributes:
         cues: cues in the file's order.
-        acts: (n,) indices of the first cues of the acts, and the number of cues.
+        act_bounds: (n,) indices of the first cues of the acts, and the number of cues.
         marks: keys of the file's own marks.
-        names: reads times, which may contain names.
+        time_resolver: reads times, which may contain names.
         refs: keys of a time -> a number of beats, or a reference.
-        gos: keys of a cue -> the cue before it in its act that waits for GO.
+        go_cues: keys of a cue -> the cue before it in its act that waits for GO.
         beat: duration of a beat [s].
     """
 
     cues: tuple[Cue[CueT], ...]
-    acts: tuple[int, ...]
+    act_bounds: tuple[int, ...]
     marks: tuple[Spot, ...]
-    names: TimeResolver
+    time_resolver: TimeResolver
     refs: Mapping[Spot, ResolvedTime]
-    gos: Mapping[Spot, Cue[CueT]]
+    go_cues: Mapping[Spot, Cue[CueT]]
     beat: float
 
-    def of_act(self, act: int) -> tuple[Cue[CueT], ...]:
+    def cues_of_act(self, act: int) -> tuple[Cue[CueT], ...]:
         """Cues of an act."""
-        return self.cues[self.acts[act] : self.acts[act + 1]]
+        return self.cues[self.act_bounds[act] : self.act_bounds[act + 1]]
 
-    def earlier(self, cue: Cue[CueT]) -> tuple[Cue[CueT], ...]:
+    def earlier_in_act(self, cue: Cue[CueT]) -> tuple[Cue[CueT], ...]:
         """Cues of its act that precede it in the file."""
-        return self.cues[self.acts[cue.act] : cue.index]
+        return self.cues[self.act_bounds[cue.act] : cue.index]
 
     def needs(self, cue: Cue[CueT]) -> list[Spot]:
         """Keys of the cues and marks that must be placed before a cue."""
-        needs = [before.spot for before in cue.before]
+        needs = [previous.spot for previous in cue.previous]
         if cue.entry.waits_for_go:
-            needs += [earlier.spot for earlier in self.earlier(cue)]
-        elif cue.spot in self.gos:
-            needs.append(self.gos[cue.spot].spot)
+            needs += [earlier.spot for earlier in self.earlier_in_act(cue)]
+        elif cue.spot in self.go_cues:
+            needs.append(self.go_cues[cue.spot].spot)
         refs = [self.refs[spot] for spot, _ in cue.times]
         return needs + [ref.spot for ref in refs if isinstance(ref, TimeReference)]
 
     def graph(self, act: int | None = None) -> dict[Spot, list[Spot]]:
         """Keys of a cue or a mark -> keys of those before it, in one act or in all."""
-        cues = self.cues if act is None else self.of_act(act)
+        cues = self.cues if act is None else self.cues_of_act(act)
         needs_of_marks = {
             spot: [ref.spot] if isinstance(ref := self.refs[spot], TimeReference) else []
             for spot in self.marks
@@ -119,13 +119,17 @@ class Timeline(Generic[CueT]):
         """Wanted time of a cue or its mark in `on` [s]; the end of the cues before by default."""
         times = [self.time(self.refs[spot], start, placed) for spot, _ in cue.times]
         if not times:
-            times = [placed[before.spot][END] for before in cue.before if before.act == cue.act]
+            times = [
+                placed[previous.spot][END] for previous in cue.previous if previous.act == cue.act
+            ]
             times += [start] if len(times) < len(cue.who) else []
         t = max(times) + cue.entry.delay * self.beat
         if cue.entry.waits_for_go:
-            return max([t, start, *(placed[earlier.spot][END] for earlier in self.earlier(cue))])
-        go = self.gos.get(cue.spot)
-        return t if go is None or cue.times else max(t, placed[go.spot][START])
+            return max(
+                [t, start, *(placed[earlier.spot][END] for earlier in self.earlier_in_act(cue))]
+            )
+        go_cue = self.go_cues.get(cue.spot)
+        return t if go_cue is None or cue.times else max(t, placed[go_cue.spot][START])
 
     def place(
         self,
@@ -144,7 +148,7 @@ class Timeline(Generic[CueT]):
             place_cue: places a cue with its wanted time [s], and returns its moments.
             time_of_mark: returns the time of a mark of the file, from its written time [s].
         """
-        graph, cue_at = self.graph(act), {cue.spot: cue for cue in self.of_act(act)}
+        graph, cue_at = self.graph(act), {cue.spot: cue for cue in self.cues_of_act(act)}
         unplaced_needs = {
             spot: {need for need in needs if need not in placed}
             for spot, needs in graph.items()
