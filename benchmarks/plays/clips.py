@@ -23,7 +23,7 @@ import fantoccini as fan
 from fantoccini.theatre.capture import clip_names
 from fantoccini.theatre.capture.bvh import bundled_clip_path
 from fantoccini.theatre.retarget import clip_gesture, place_on_spot
-from fantoccini.theatre.retarget.deviations import GROUPS
+from fantoccini.theatre.retarget.deviations import PART_GROUPS
 from fantoccini.theatre.retarget.retargeting import part_positions
 
 PLAY = """play: clip
@@ -67,8 +67,8 @@ def measured(path: Path, folder: Path, walks: bool) -> str:
         return 100.0 * size / clip.figure.height
 
     cells = []
-    for parts in GROUPS.values():
-        wanted = {part: clip.places.parts[part] for part in parts}
+    for parts in PART_GROUPS.values():
+        wanted = {part: clip.targets.parts[part] for part in parts}
         hung = rms([clip.hanging_positions[part] - wanted[part] for part in parts])
         off = rms([seen[part] - (wanted[part] - middle) @ turn.T - [*at, 0.0] for part in parts])
         cells.append(f"{hung:.1f} + {off - hung:.1f}")
@@ -88,7 +88,7 @@ def main() -> None:
         folder = Path(name)
         (folder / "own").mkdir()
         paths = [bundled_clip_path(name) for name in clip_names()] + write(folder / "own", "lafan1")
-        print(f"| clip | length | compiled in | {' | '.join(GROUPS)} | faults |")
+        print(f"| clip | length | compiled in | {' | '.join(PART_GROUPS)} | faults |")
         for path in paths:
             if not arguments.clips or path.stem in arguments.clips:
                 print(measured(path, folder, arguments.after_walk), flush=True)

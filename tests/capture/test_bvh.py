@@ -209,7 +209,7 @@ Frame Time: 0.01
 {1 / size} 0 0 10
 """
     clip = fan.theatre.load_bvh(written(tmp_path, text))
-    assert clip.unit == (unit, size) and clip.up == {"y": 1, "z": 2}[up]
+    assert clip.unit == (unit, size) and clip.vertical_axis == {"y": 1, "z": 2}[up]
     upright = clip.upright()
     np.testing.assert_allclose(upright.positions[0], [[1, 0, 0], [1, 0, 1.75]], atol=1e-12)
     np.testing.assert_allclose(upright.skeleton.rest[1], [0, 0, 1.75], atol=1e-12)
@@ -417,7 +417,9 @@ def test_a_root_that_stays_at_the_origin_is_no_part_of_the_body(tmp_path, conven
     rooted = fan.theatre.load_bvh(
         written(tmp_path, with_fixed_root(text, away))
     ).without_calibration()
-    assert (rooted.up, rooted.unit) == (plain.up, plain.unit) == (1, rooted.unit)
+    assert (
+        (rooted.vertical_axis, rooted.unit) == (plain.vertical_axis, plain.unit) == (1, rooted.unit)
+    )
     assert rooted.unit[1] == size and rooted.height == pytest.approx(plain.height)
     heads = [
         take.upright().positions[:, take.skeleton.names.index(head), 2].mean()
@@ -438,7 +440,7 @@ def test_a_bone_from_a_root_on_the_floor_to_the_hips_is_no_part_of_the_body(tmp_
     at = f"OFFSET {hips[0]} {hips[1]} {hips[2]}"
     text = before + "JOINT Hips" + after.replace("OFFSET 0.00000 0.00000 0.00000", at, 1)
     rooted = fan.theatre.load_bvh(written(tmp_path, text))
-    assert (rooted.up, rooted.unit, rooted.height) == (1, ("cm", 0.01), plain.height)
+    assert (rooted.vertical_axis, rooted.unit, rooted.height) == (1, ("cm", 0.01), plain.height)
 
 
 def turned(take: fan.theatre.Capture, turn: Rotation) -> fan.theatre.Capture:
@@ -458,7 +460,7 @@ def test_up_is_that_of_the_rest_pose_while_a_person_crawls(tmp_path):
     )
     for heading in (0.0, 90.0, 180.0, 30.0):
         crawls = turned(take, Rotation.from_euler("xy", [90.0, heading], degrees=True))
-        assert crawls.up == 1 and crawls.unit == ("cm", 0.01), heading
+        assert crawls.vertical_axis == 1 and crawls.unit == ("cm", 0.01), heading
         heights = np.ptp(crawls.upright().positions[..., 2], axis=1)
         assert np.all(heights < 1.3), heading
 
@@ -466,7 +468,7 @@ def test_up_is_that_of_the_rest_pose_while_a_person_crawls(tmp_path):
 def test_up_is_the_axis_along_which_a_person_stands_in_a_file_with_a_turned_root(tmp_path):
     take = fan.theatre.load_bvh(written(tmp_path, clips.clip("walk", "mixamo")))
     stands = turned(take, Rotation.from_euler("x", 90.0, degrees=True))
-    assert stands.up == 2 and stands.unit == ("cm", 0.01)
+    assert stands.vertical_axis == 2 and stands.unit == ("cm", 0.01)
     # A person who lies all the time looks the same: it is said, unless the vertical was given.
     (note,) = stands.upright().notes
     assert "standing along z" in note and "--up y" in note
@@ -479,5 +481,5 @@ def test_arms_spread_in_the_rest_pose_are_not_its_height(tmp_path, axes):
     take = fan.theatre.load_bvh(written(tmp_path, clips.clip("wave", "mixamo")))
     skeleton = dataclasses.replace(take.skeleton, offsets=take.skeleton.offsets[:, axes])
     other = dataclasses.replace(take, skeleton=skeleton, positions=take.positions[..., axes])
-    assert "xyz"[other.up] == "xyz"[axes.index(1)]
+    assert "xyz"[other.vertical_axis] == "xyz"[axes.index(1)]
     assert other.height == pytest.approx(take.height)

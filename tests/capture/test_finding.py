@@ -309,7 +309,7 @@ def test_our_own_bvh_export_comes_back(marionette, tmp_path):
     placed = place_clip(marionette, path)
     assert any("Found by shape" in note for note in placed.clip.notes)
     assert not any("doubtful" in note for note in placed.clip.notes)
-    places = placed.places
+    targets = placed.targets
     again = run.resample(placed.clip.t - placed.clip.t[0] + run.t[0])
     poses = marionette.poses(again.q_D, again.q_K)
     for part, (body, at) in placed.figure.points.items():
@@ -318,7 +318,7 @@ def test_our_own_bvh_export_comes_back(marionette, tmp_path):
         own = point_in(marionette, poses, (body, at)) - point_in(
             marionette, poses, placed.figure.points["trunk"]
         )
-        off = places.parts[part] - places.parts["trunk"] - own
+        off = targets.parts[part] - targets.parts["trunk"] - own
         assert np.max(np.linalg.norm(off, axis=1)) < 0.02, part
 
 

@@ -20,10 +20,15 @@ from fantoccini.theatre.retarget import (
     mapping_names,
     retargeting,
 )
-from fantoccini.theatre.retarget.deviations import GROUPS, losses_of, lost_share
-from fantoccini.theatre.retarget.following import MAX_ACCELERATION, MAX_SPEED, FollowStatus, eased
+from fantoccini.theatre.retarget.deviations import PART_GROUPS, find_losses, lost_share
+from fantoccini.theatre.retarget.following import (
+    MAX_ACCELERATION,
+    MAX_SPEED,
+    FollowStatus,
+    eased_times,
+)
 from fantoccini.theatre.retarget.mapping import PARTS, joints_of
-from fantoccini.theatre.retarget.placing import place
+from fantoccini.theatre.retarget.placing import part_targets
 
 pytestmark = [pytest.mark.medium, pytest.mark.long]
 
@@ -82,7 +87,7 @@ def captured(positions: np.ndarray, head: np.ndarray | None = None) -> Capture:
 def placed(marionette: fan.Marionette, clip: Capture, travel: float = 1.0):
     figure = figure_of(marionette, marionette.rest())
     joints = joints_of(find_mapping(clip.skeleton), clip.skeleton)
-    return figure, place(figure, clip, joints, travel)
+    return figure, part_targets(figure, clip, joints, travel)
 
 
 def test_the_bundled_mappings_name_all_parts_of_the_three_conventions(tmp_path):
@@ -142,7 +147,7 @@ def test_a_person_who_stands_straight_is_a_puppet_that_stands_straight(marionett
     """Every part hangs below its parent at the puppet's own lengths, in closed form."""
     figure, places = placed(marionette, captured(STANDS[None]))
     x = {part: value[0] for part, value in places.parts.items()}
-    np.testing.assert_allclose(places.scale, figure.leg / 0.9, rtol=1e-12)
+    np.testing.assert_allclose(places.scale, figure.leg_length / 0.9, rtol=1e-12)
     for side, y in (("left", 1.0), ("right", -1.0)):
         np.testing.assert_allclose(x[f"hip_{side}"] - x["trunk"], [0, 0.033 * y, 0], atol=1e-12)
         down = x[f"knee_{side}"] - x[f"hip_{side}"]
@@ -150,7 +155,7 @@ def test_a_person_who_stands_straight_is_a_puppet_that_stands_straight(marionett
         arm = x[f"elbow_{side}"] - x[f"shoulder_{side}"]
         np.testing.assert_allclose(arm, [0, 0, -0.1], atol=1e-12)
     np.testing.assert_allclose(x["head"] - x["neck"], [0, 0, 0.137], atol=1e-12)
-    feet = min(figure.places[f"foot_{side}"][2] for side in ("left", "right"))
+    feet = min(figure.positions[f"foot_{side}"][2] for side in ("left", "right"))
     straight = 0.03 * (0.125 + 0.126)  # limbs are stretched to 97 per cent
     np.testing.assert_allclose(x["foot_left"][2], feet + straight, atol=1e-9)
 
@@ -186,16 +191,18 @@ def test_lengths_are_the_puppets_and_directions_the_persons(marionette):
 def test_hanging_poses_hang_and_miss_the_clip_by_no_more_than_stated(marionette, tmp_path):
     path = clip(tmp_path, "lafan1", "wave")
     follow = fan.theatre.retarget_clip(marionette, path)
-    assert len(follow.t) == len(follow.reach) == fan.theatre.load_bvh(path).positions.shape[0]
+    assert (
+        len(follow.t) == len(follow.hanging_poses) == fan.theatre.load_bvh(path).positions.shape[0]
+    )
     for i in range(0, len(follow.t), 30):
-        state = follow.reach[i].state
+        state = follow.hanging_poses[i].state
         force = marionette.forward_dynamics(state)
         assert np.max(np.abs(force.acc_D)) < 1e-3
     # Place of the point according to the body's pose.
-    pose = marionette.pose(follow.reach[40].state, "forearm_right")
+    pose = marionette.pose(follow.hanging_poses[40].state, "forearm_right")
     hand = pose[:3, 3] + pose[:3, :3] @ [0.0, 0.0, -0.09]
     np.testing.assert_allclose(follow.hanging_positions["hand_right"][40], hand, atol=1e-9)
-    off = np.linalg.norm(hand - follow.places.parts["hand_right"][40])
+    off = np.linalg.norm(hand - follow.targets.parts["hand_right"][40])
     assert follow.errors["hand_right"][40] == pytest.approx(off, abs=1e-9)
     # Up to 8 cm of 56 are beyond the strings' reach where an arm points to the side; the head is
     # not.
@@ -207,11 +214,11 @@ def test_more_steps_do_not_worsen_a_path(marionette, monkeypatch):
     """Steps along a path alone may diverge: they are undone where they do."""
     costs = []
     for iterations in (10, 100):
-        monkeypatch.setattr(retargeting, "ITERATIONS", iterations)
+        monkeypatch.setattr(retargeting, "MAX_ITERATIONS", iterations)
         retargeted = fan.theatre.retarget_clip(marionette, "walk_up")
         costs.append(sum(np.mean(np.square(e)) for e in retargeted.errors.values()))
         for i in range(0, len(retargeted.t), 7):
-            force = marionette.forward_dynamics(retargeted.reach[i].state)
+            force = marionette.forward_dynamics(retargeted.hanging_poses[i].state)
             assert np.max(np.abs(force.acc_D)) < 1e-3
     assert costs[1] < 1.2 * costs[0]
 
@@ -226,7 +233,7 @@ def test_a_waving_person_is_followed_within_the_bounds(marionette, tmp_path):
     assert np.max(np.abs(follow.acc_K)) <= MAX_ACCELERATION * (1 + 1e-9)
     assert done[-1] == 1.0 and done == sorted(done)
     errors = {part.name: part for part in follow.report}
-    assert set(errors) == set(GROUPS)
+    assert set(errors) == set(PART_GROUPS)
     assert errors["hands"].excess < 0.02 and errors["head"].excess < 0.02
     lines = follow.guides(np.array([0.0, 1.0]))
     assert [line.shape for line in lines] == [(2, 3, 3), (2, 4, 3), (2, 4, 3), (2, 4, 3), (2, 4, 3)]
@@ -283,7 +290,7 @@ def test_a_run_far_from_its_clip_does_not_follow(marionette, monkeypatch):
         bounds.append((speed["hand_left.x"], acceleration["head.length"]))
         return np.zeros((int(np.ceil(until / 0.05)) + 1, puppet.coordinates.n_vK)), True
 
-    monkeypatch.setattr("fantoccini.theatre.retarget.following.lead_along", still)
+    monkeypatch.setattr("fantoccini.theatre.retarget.following.follow_tracks", still)
     hung = fan.theatre.retarget_clip(marionette, "walk_up")
     lost = fan.theatre.follow_clip(marionette, hung, speed=1.0, acceleration={"head.length": 4.0})
     assert lost.status is FollowStatus.DIVERGED and not lost
@@ -301,13 +308,13 @@ def test_a_part_that_is_lost_for_a_while_is_reported_with_its_time():
     run = {part: error + 0.01 for part, error in hanging.items()}
     run["hand_left"] = np.where((t > 4.0) & (t < 5.5), 0.3, run["hand_left"])
     run["head"] = np.where((t > 7.0) & (t < 7.2), 0.3, run["head"])  # too short
-    (loss,) = losses_of(t, run, hanging, 0.08)
+    (loss,) = find_losses(t, run, hanging, 0.08)
     assert loss.part == "hand_left" and loss.distance == 0.3
     assert (loss.begin, loss.end) == pytest.approx((4.0, 5.5), abs=0.05)
     assert str(loss) == "hand_left is lost from t = 4.03 to 5.47 s, up to 300 mm from the clip"
     assert lost_share((loss,), 10.0) == pytest.approx(0.144, abs=0.01)
     run["hand_left"] = np.where(t > 4.0, 0.3, 0.05)  # until the end
-    assert lost_share(losses_of(t, run, hanging, 0.08), 10.0) == pytest.approx(0.6, abs=0.01)
+    assert lost_share(find_losses(t, run, hanging, 0.08), 10.0) == pytest.approx(0.6, abs=0.01)
 
 
 @pytest.mark.slow
@@ -315,7 +322,7 @@ def test_a_limb_that_is_lost_for_a_third_of_the_clip_does_not_follow(marionette,
     """One hand off by 20 % of the height for a third of the time is 8 % of both hands' mean."""
     from fantoccini.theatre.retarget import following
 
-    measured = following.errors_of
+    measured = following.part_errors
 
     def one_hand_off(retargeted, run, t):
         errors = measured(retargeted, run, t)
@@ -324,8 +331,8 @@ def test_a_limb_that_is_lost_for_a_third_of_the_clip_does_not_follow(marionette,
         return errors | {"hand_left": np.where(third, distant, errors["hand_left"])}
 
     hung = fan.theatre.retarget_clip(marionette, "walk_up")
-    monkeypatch.setattr(following, "errors_of", one_hand_off)
-    monkeypatch.setattr(following, "BOUND_FACTORS", ())
+    monkeypatch.setattr(following, "part_errors", one_hand_off)
+    monkeypatch.setattr(following, "REDUCED_BOUND_FACTORS", ())
     lost = fan.theatre.follow_clip(marionette, hung)
     assert lost.status is FollowStatus.DIVERGED and lost.error < 0.15
     assert [loss.part for loss in lost.losses] == ["hand_left"]
@@ -354,7 +361,7 @@ def test_a_clip_of_a_crawling_person_has_a_remark(marionette):
 def test_a_single_pose_is_held(marionette):
     retargeted = fan.theatre.retarget_clip(marionette, captured(STANDS[None]))
     assert retargeted.t == pytest.approx([0.0, 1.0])
-    np.testing.assert_allclose(*retargeted.reach.q_K, atol=1e-3)
+    np.testing.assert_allclose(*retargeted.hanging_poses.q_K, atol=1e-3)
 
 
 SCENE = """scene: s
@@ -412,7 +419,7 @@ def test_two_people_in_one_file_are_distinguished():
 
 def test_clip_time_begins_and_ends_at_rest():
     t = np.linspace(0.0, 3.0, 3001)
-    clip_time = eased(t)
+    clip_time = eased_times(t)
     speed = np.gradient(t, clip_time)
     assert clip_time[0] == 0.0 and clip_time[-1] == pytest.approx(3.5)
     assert np.all(np.diff(clip_time) > 0.0) and np.max(speed) < 1.0 + 1e-6
@@ -420,7 +427,7 @@ def test_clip_time_begins_and_ends_at_rest():
     np.testing.assert_allclose(speed[inside], 1.0, atol=1e-6)
     accelerating = (clip_time > 0.1) & (clip_time < 0.4)
     np.testing.assert_allclose(np.gradient(speed, clip_time)[accelerating], 2.0, atol=1e-2)
-    short = eased(np.linspace(0.0, 0.1, 11))
+    short = eased_times(np.linspace(0.0, 0.1, 11))
     assert short[-1] == pytest.approx(0.2) and np.all(np.diff(short) > 0.0)
 
 

@@ -14,7 +14,7 @@ from fantoccini.model import BodyMap
 from fantoccini.model.body_map import Limb
 from fantoccini.model.scene import Member, Scene
 from fantoccini.theatre import Gait, find_gait, footfalls
-from fantoccini.theatre.gaits import PREPARATION, Footfalls, WalkStatus, standing_lengths
+from fantoccini.theatre.gaits import PREPARATION_STEPS, Footfalls, WalkStatus, standing_lengths
 from fantoccini.theatre.gaits.gait_search import gait_cost
 from fantoccini.theatre.gestures import BodyParts, Ends, Step
 from fantoccini.theatre.gestures.leg_order import gait_phases
@@ -60,7 +60,7 @@ def on_legs(n: int) -> BodyMap:
 
 def contact_slides(stage: fan.Marionette, run: fan.Trajectory, gait: Gait) -> np.ndarray:
     """(n_cycles,) largest slide of loaded contact points, after the preparation [m]."""
-    cycle = np.floor(0.5 * ((run.t - run.t[0]) / gait.step_time - PREPARATION)).astype(int)
+    cycle = np.floor(0.5 * ((run.t - run.t[0]) / gait.step_time - PREPARATION_STEPS)).astype(int)
     own = cycle[:-1] >= 0
     slides = []
     for limb in BodyParts.for_puppet(stage, "pierrot").body_map.limbs:
@@ -111,7 +111,7 @@ def test_ends_of_a_standing_leg_stand_still_and_close_up(promenade):
     walk = gait.gesture(ends, [Step(0.02)] * 6)
     assert walk.duration == pytest.approx(gait.duration(6))
     index = promenade.coordinates.v_K.index("knee_left.x")
-    swing, start = 2.0 * (1.0 - gait.duty), PREPARATION * gait.step_time
+    swing, start = 2.0 * (1.0 - gait.duty), PREPARATION_STEPS * gait.step_time
     times = start + np.linspace(swing + 0.01, 1.99, 9) * gait.step_time
     standing = np.array([walk.offsets(t)[0][index] for t in times])
     # It stands where the body is in the middle of that time.
@@ -194,7 +194,7 @@ def test_a_leg_in_the_middle_steps_between_the_others(promenade):
     gait = Gait(sway=0.05)
     walk = gait.gesture(Ends(three, x0), [Step(0.02)] * 4)
     index = promenade.coordinates.v_K.index(f"{arm.strings[0]}.x")
-    start = PREPARATION * gait.step_time
+    start = PREPARATION_STEPS * gait.step_time
     before, after = (walk.offsets(start + t * gait.step_time)[0][index] for t in (0.5, 1.5))
     assert walk.offsets(start)[0][index] == pytest.approx(before, abs=1e-9)
     assert after > before + 0.01

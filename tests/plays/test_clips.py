@@ -24,9 +24,9 @@ from fantoccini.theatre.retarget import (
     find_mapping,
     place_on_spot,
 )
-from fantoccini.theatre.retarget.deviations import GROUPS
+from fantoccini.theatre.retarget.deviations import PART_GROUPS
 from fantoccini.theatre.retarget.mapping import joints_of
-from fantoccini.theatre.retarget.placing import place
+from fantoccini.theatre.retarget.placing import part_targets
 from fantoccini.theatre.retarget.retargeting import part_positions
 from plays.conftest import HEAD, Plays
 from plays.test_play_file import checked_messages
@@ -135,8 +135,8 @@ def test_the_limbs_follow_the_clip(
         return size / retargeted.figure.height
 
     for group in ("hands", "head"):
-        parts = GROUPS[group]
-        clip = [retargeted.places.parts[part] for part in parts]
+        parts = PART_GROUPS[group]
+        clip = [retargeted.targets.parts[part] for part in parts]
         there = [(path - middle) @ turn.T + [*xy, 0.0] for path in clip]
         off = rms([seen[part] - path for part, path in zip(parts, there, strict=True)])
         hung = rms(
@@ -149,7 +149,7 @@ def test_the_limbs_follow_the_clip(
         if who == "columbine":  # as where the gesture was computed
             (alone,) = [row.excess for row in made.report if row.name == group]
             assert off - hung == pytest.approx(alone, abs=3e-3)
-    path = retargeted.places.parts["hand_right"]
+    path = retargeted.targets.parts["hand_right"]
     assert rms([path - path[0]]) > 0.2  # a puppet at rest does not move it
 
 
@@ -174,13 +174,13 @@ def test_turning_and_travel_are_left_out(marionette: fan.Marionette):
     turned = captured(np.einsum("tij,tkj->tki", turns, moving) + way, turns @ head)
     figure, plain = figure_of(marionette, marionette.rest()), captured(moving, head)
     joints = joints_of(find_mapping(plain.skeleton), plain.skeleton)
-    still, two = (place(figure, clip, joints, 0.0, turning=0.0) for clip in (plain, turned))
+    still, two = (part_targets(figure, clip, joints, 0.0, turning=0.0) for clip in (plain, turned))
     for part, path in still.parts.items():
         np.testing.assert_allclose(two.parts[part], path, atol=1e-9)
     # All turning is kept by default, and half of it on demand.
     spun = np.einsum("tij,kj->tki", _spin(0.05 * np.arange(60)), STANDS)
     for turning in (1.0, 0.5):
-        places = place(figure, captured(spun), joints, 0.0, turning=turning).parts
+        places = part_targets(figure, captured(spun), joints, 0.0, turning=turning).parts
         across = places["shoulder_left"] - places["shoulder_right"]
         angle = np.unwrap(np.arctan2(-across[:, 0], across[:, 1]))
         np.testing.assert_allclose(angle, turning * 0.05 * np.arange(60), atol=1e-9)

@@ -61,7 +61,7 @@ class Skeleton(ShortRepr):
                 placed[i] = placed[parent] + self.offsets[i]
         return placed
 
-    def up(self, joints: Indices) -> int | None:
+    def vertical_axis(self, joints: Indices) -> int | None:
         """Vertical axis of the rest pose: 1 for y, 2 for z; None if the pose does not determine it.
 
         It is the one of the two along which the extent of the joints is close to the largest
@@ -122,7 +122,7 @@ class Capture:
         return float(self.t[-1] - self.t[0])
 
     @cached_property
-    def body(self) -> Indices:
+    def body_joints(self) -> Indices:
         """Indices of the joints connected by bones; all joints if bones connect less than half.
 
         A bone keeps its length in all frames. Some programs add joints at the origin above the
@@ -156,20 +156,23 @@ class Capture:
     @cached_property
     def _extent(self) -> Array:
         """(3,) extent of the body along each axis: the median over the frames."""
-        return np.asarray(np.median(np.ptp(self.positions[:, self.body], axis=1), axis=0))
+        return np.asarray(np.median(np.ptp(self.positions[:, self.body_joints], axis=1), axis=0))
 
     @cached_property
-    def up(self) -> int:
+    def vertical_axis(self) -> int:
         """Vertical axis: 1 for y, 2 for z.
 
         Taken from the rest pose, unless the skeleton stands along the other axis in most frames, as
         in files with a rotated root. Where the rest pose has no clear vertical, it is the axis
         along which the body extends farther in most frames.
         """
-        extent, rest = self._extent, self.skeleton.up(self.body)
+        extent, rest = self._extent, self.skeleton.vertical_axis(self.body_joints)
         if rest is None:
             return int(1 + np.argmax(extent[1:]))
-        tall, other = _MIN_STANDING_EXTENT * np.ptp(self.skeleton.rest[self.body, rest]), 3 - rest
+        tall, other = (
+            _MIN_STANDING_EXTENT * np.ptp(self.skeleton.rest[self.body_joints, rest]),
+            3 - rest,
+        )
         return other if extent[rest] < tall <= extent[other] else rest
 
     @property
@@ -178,10 +181,10 @@ class Capture:
 
         Where the rest pose has no clear vertical, the median over the frames.
         """
-        axis = self.skeleton.up(self.body)
+        axis = self.skeleton.vertical_axis(self.body_joints)
         if axis is None:
-            return float(self._extent[self.up])
-        return float(np.ptp(self.skeleton.rest[self.body, axis]))
+            return float(self._extent[self.vertical_axis])
+        return float(np.ptp(self.skeleton.rest[self.body_joints, axis]))
 
     @property
     def unit(self) -> tuple[str, float]:
@@ -240,19 +243,19 @@ class Capture:
         :attr:`notes` says so, because the person may lie all the time instead.
 
         Args:
-            up: vertical axis of the file, ``y`` or ``z``; :attr:`up` by default.
+            up: vertical axis of the file, ``y`` or ``z``; :attr:`vertical_axis` by default.
         """
         if up not in (None, "y", "z"):
             raise StateError(f"up is {up!r}; needed: y or z")
-        notes, rest = self.notes, self.skeleton.up(self.body)
-        if up is None and rest not in (None, self.up):
-            stands, lies = "xyz"[self.up], "xyz"[rest or 0]
+        notes, rest = self.notes, self.skeleton.vertical_axis(self.body_joints)
+        if up is None and rest not in (None, self.vertical_axis):
+            stands, lies = "xyz"[self.vertical_axis], "xyz"[rest or 0]
             notes += (
                 f"{self.name or 'clip'}: taken as standing along {stands}, as in most frames; the "
                 f"rest pose stands along {lies}; if the person lies, say that {lies} is up "
                 f"(--up {lies})",
             )
-        is_up = up == "z" or (up is None and self.up == 2)
+        is_up = up == "z" or (up is None and self.vertical_axis == 2)
         turn = np.eye(3) if is_up else np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]], float)
         size = self.unit[1]
         skeleton = Skeleton(

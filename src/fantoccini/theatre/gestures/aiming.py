@@ -198,7 +198,7 @@ def looking_gesture(ends: Ends, aim: Aim, mistakes: Mistakes) -> Gesture:
     relative_target = np.exp(-1j * heading) * (complex(*aim.target[:2]) - ends.middle)
     is_apart = abs(relative_target) > _MIN_DISTANCE
     turn = float(np.clip(np.angle(relative_target), -_MAX_TURN, _MAX_TURN)) if is_apart else 0.0
-    turned_ends = {}
+    turned_ends: dict[str, float] = {}
     for name, position in ends.positions.items():
         turned = np.exp(1j * turn) * (position - ends.middle) + ends.middle
         turned_ends |= {f"{name}.x": float(turned.real), f"{name}.y": float(turned.imag)}
@@ -257,8 +257,8 @@ def _puppet_without_contact(marionette: Marionette, prefix: str) -> Marionette:
         return _bundled_marionette()
     if prefix:
         raise StateError(
-            f"{prefix[:-1]} looks and points only by itself: in a scene that needs the strings of the "
-            "bundled marionette; load the gesture for its puppet alone"
+            f"{prefix[:-1]} looks and points only by itself: in a scene that needs the strings of "
+            "the bundled marionette; load the gesture for its puppet alone"
         )
     return Marionette(marionette.puppet.model_copy(update={"contact": None}))
 

@@ -99,10 +99,8 @@ class Gesture:
                 )
 
     def __repr__(self) -> str:
-        name_text = f" {self.name!r}" if self.name else ""
-        return (
-            f"<Gesture{name_text}: {self.duration:g} s, moves {', '.join(self.uses) or 'nothing'}>"
-        )
+        name = f" {self.name!r}" if self.name else ""
+        return f"<Gesture{name}: {self.duration:g} s, moves {', '.join(self.uses) or 'nothing'}>"
 
     @property
     def duration(self) -> float:
@@ -124,12 +122,8 @@ class Gesture:
     @property
     def ends(self) -> tuple[Array, Array]:
         """(2, n_vK) offsets and (2, n_vK) rates at its beginning and end."""
-        start_and_end = [
-            piecewise.evaluate(self.breaks, self.coef, t) for t in (0.0, self.duration)
-        ]
-        return np.array([d for d, _ in start_and_end]), np.array(
-            [rate for _, rate in start_and_end]
-        )
+        states = [self.offsets(t) for t in (0.0, self.duration)]
+        return np.array([d for d, _ in states]), np.array([rate for _, rate in states])
 
     def offsets(self, t: float) -> tuple[VecK, VecK]:
         """(n_vK,) offsets and (n_vK,) rates at a time [s], which is clipped to its duration."""
@@ -326,9 +320,8 @@ class Gesture:
         axes, gesture = None, self
         if puppet is not None:
             axes = OwnAxes.for_names(self.uses, puppet)
-            gesture = replace(
-                self, coordinates=axes.own_table, **axes.to_own(self.motion)._asdict()
-            )
+            motion = axes.to_own(self.motion)
+            gesture = replace(self, coordinates=axes.own_table, **motion._asdict())
         coef, travel = np.zeros_like(gesture.coef), np.zeros_like(gesture.travel)
         named = np.zeros_like(gesture.named)
         for v, image_v, sign in moves.mirror_images(gesture.coordinates, gesture.named):
@@ -396,17 +389,16 @@ class Gesture:
             ValueError: they are of different puppets, or a bound is not greater than 0.
         """
         binding.check_same_puppet([gesture.coordinates for gesture in (self, *others)])
-        line = MotionSequence.empty(
-            motion_bounds(self.coordinates, speed, acceleration), *(x[0] for x in self.ends)
-        )
+        bounds = motion_bounds(self.coordinates, speed, acceleration)
+        sequence = MotionSequence.empty(bounds, *(values[0] for values in self.ends))
         marks: dict[str, float] = {}
         for gesture in (self, *others):
-            line, start, _ = line.add(gesture.motion)
+            sequence, start, _ = sequence.add(gesture.motion)
             for name, t in gesture.marks.items():
                 marks[numbered_mark(name, marks)] = start + t
         names = dict.fromkeys(gesture.name for gesture in (self, *others) if gesture.name)
         changes_heading = any(gesture.changes_heading for gesture in (self, *others))
-        return Gesture(self.coordinates, *line.motion, ", ".join(names), marks, changes_heading)
+        return Gesture(self.coordinates, *sequence.motion, ", ".join(names), marks, changes_heading)
 
     def __add__(self, other: Gesture) -> Gesture:
         """Sum of two gestures that begin together; the shorter one stays at its end.

@@ -73,17 +73,24 @@ def walk_parameters(
     turn: float | None,
 ) -> tuple[int, float, float]:
     """Number of steps, length of each [m] and total turn [rad]; collects mistakes."""
-    n = DEFAULT_STEPS if count is None else count
-    step = DEFAULT_STEP_LENGTH * leg_ratio(body_parts) if length is None else float(length)
-    angle = 0.0 if turn is None else float(turn)
-    if not isinstance(n, int) or isinstance(n, bool) or not 1 <= n <= _MAX_STEP_COUNT:
-        mistakes.add(("steps",), f"found {n!r}; needed: a whole number from 1 to {_MAX_STEP_COUNT}")
-    elif not abs(angle) <= n * MAX_STEP_TURN:
-        text = f"found {np.degrees(angle):g} deg in {n} steps; needed: at most 90 deg in each"
+    n_steps = DEFAULT_STEPS if count is None else count
+    step_length = DEFAULT_STEP_LENGTH * leg_ratio(body_parts) if length is None else float(length)
+    total_turn = 0.0 if turn is None else float(turn)
+    if (
+        not isinstance(n_steps, int)
+        or isinstance(n_steps, bool)
+        or not 1 <= n_steps <= _MAX_STEP_COUNT
+    ):
+        mistakes.add(
+            ("steps",), f"found {n_steps!r}; needed: a whole number from 1 to {_MAX_STEP_COUNT}"
+        )
+    elif not abs(total_turn) <= n_steps * MAX_STEP_TURN:
+        degrees = np.degrees(total_turn)
+        text = f"found {degrees:g} deg in {n_steps} steps; needed: at most 90 deg in each"
         mistakes.add(("turn",), text)
-    if not abs(step) <= MAX_STEP_LENGTH:
-        mistakes.add(("step",), f"found {step:g} m; needed: at most {MAX_STEP_LENGTH:g} m")
-    return n, step, angle
+    if not abs(step_length) <= MAX_STEP_LENGTH:
+        mistakes.add(("step",), f"found {step_length:g} m; needed: at most {MAX_STEP_LENGTH:g} m")
+    return n_steps, step_length, total_turn
 
 
 def step_gesture(ends: Ends, steps: Sequence[Step], step_time: float = STEP_TIME) -> Gesture:
@@ -106,26 +113,28 @@ def step_gesture(ends: Ends, steps: Sequence[Step], step_time: float = STEP_TIME
     strings_by_side = _strings_by_side(ends.body_parts)
     for string in (*strings_by_side["left"], *strings_by_side["right"]):
         ends.check_driven(string)
-    n, track = len(steps), StepPath(steps, step_time)
+    n_steps, step_path = len(steps), StepPath(steps, step_time)
     scale = leg_ratio(ends.body_parts)
-    step_clock = np.arange(n * _PIECES_PER_STEP + 1) / _PIECES_PER_STEP
-    k = np.minimum(step_clock.astype(int), n - 1)
-    rise = _bump(step_clock - k, step_time)
+    step_clock = np.arange(n_steps * _PIECES_PER_STEP + 1) / _PIECES_PER_STEP
+    k = np.minimum(step_clock.astype(int), n_steps - 1)
+    rise = _rise_and_fall(step_clock - k, step_time)
     is_moving = np.array([not step.stands for step in steps])
     # +1 in a step of the left foot, -1 in one of the right foot.
     side_sign = np.where(is_moving, (-1.0) ** (np.cumsum(is_moving) + 1), 0.0)
     lifts = scale * np.array([_KNEE_LIFT if step.length else _KNEE_LIFT_ON_SPOT for step in steps])
-    path, heading = track.at(step_clock * step_time)
+    path, heading = step_path.at(step_clock * step_time)
     ends.move_rigidly(path, heading, scale_curve(-SWAY * scale * side_sign[k], rise))
-    for side in ends.body_strings:
-        ends.add(f"{side}.length", scale_curve(-_BODY_RISE * scale * is_moving[k], rise))
+    for string in ends.body_strings:
+        ends.add(f"{string}.length", scale_curve(-_BODY_RISE * scale * is_moving[k], rise))
     marks: dict[str, float] = {}
     for side, sign in zip(_SIDES, (1.0, -1.0), strict=True):
         if np.any(side_sign == sign):
             for string in strings_by_side[side]:
                 ends.add(f"{string}.length", scale_curve(-lifts[k] * (side_sign[k] == sign), rise))
-    for j in np.flatnonzero(is_moving):
-        marks[numbered_mark(_SIDES[int(side_sign[j] < 0.0)], marks)] = (float(j) + 0.5) * step_time
+    for moving_step in np.flatnonzero(is_moving):
+        marks[numbered_mark(_SIDES[int(side_sign[moving_step] < 0.0)], marks)] = (
+            float(moving_step) + 0.5
+        ) * step_time
     return ends.gesture(step_clock * step_time, "steps", marks, travels=True)
 
 
@@ -153,10 +162,10 @@ def _strings_by_side(body_parts: BodyParts) -> dict[str, list[str]]:
     Raises:
         StateError: the puppet has no pairs of legs, or no string moves one of them.
     """
-    groups: dict[str, list[str]] = {side: [] for side in _SIDES}
+    strings: dict[str, list[str]] = {side: [] for side in _SIDES}
     for leg, phase in gait_phases(body_parts.body_map, "trot").items():
-        groups["right" if phase else "left"] += body_parts.strings(leg)
-    return groups
+        strings["right" if phase else "left"] += body_parts.strings(leg)
+    return strings
 
 
 def leg_ratio(body_parts: BodyParts) -> float:
@@ -164,9 +173,11 @@ def leg_ratio(body_parts: BodyParts) -> float:
     return leg_length(body_parts.body_map) / _LEG_LENGTH
 
 
-def _bump(s: Array, step_time: float) -> Curve:
+def _rise_and_fall(progress: Array, step_time: float) -> Curve:
     """Curve from 0 to 1 and back while s goes from 0 to 1, with its derivatives by time."""
-    rises = s < 0.5
-    up, rate, curve = polynomial.minimum_jerk(2.0 * np.where(rises, s, 1.0 - s))
-    sign = np.where(rises, 2.0, -2.0) / step_time
-    return up, sign * rate, 4.0 * curve / step_time**2
+    is_rising = progress < 0.5
+    value, rate, second_derivative = polynomial.minimum_jerk(
+        2.0 * np.where(is_rising, progress, 1.0 - progress)
+    )
+    sign = np.where(is_rising, 2.0, -2.0) / step_time
+    return value, sign * rate, 4.0 * second_derivative / step_time**2

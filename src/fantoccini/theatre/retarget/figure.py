@@ -59,8 +59,8 @@ class Figure:
             ``neck``, and ``trunk`` between the hips.
         axes: (3, 3) columns forward, left, up in the frame of the trunk.
         forward: (3,) direction in which the puppet faces at the start.
-        places: part of a person -> (3,) position at the start [m].
-        lower: the lower half of a trunk with a waist; None for a trunk of one body.
+        positions: part of a person -> (3,) position at the start [m].
+        lower_trunk: the lower half of a trunk with a waist; None for a trunk of one body.
     """
 
     marionette: Marionette
@@ -68,13 +68,13 @@ class Figure:
     points: Mapping[str, Point]
     axes: Array
     forward: Array
-    places: Mapping[str, Array]
-    lower: LowerTrunk | None = None
+    positions: Mapping[str, Array]
+    lower_trunk: LowerTrunk | None = None
 
     @property
-    def leg(self) -> float:
+    def leg_length(self) -> float:
         """Length from hip over knee to foot [m]."""
-        x = self.places
+        x = self.positions
         return float(
             np.linalg.norm(x["hip_left"] - x["knee_left"])
             + np.linalg.norm(x["knee_left"] - x["foot_left"])
@@ -83,11 +83,11 @@ class Figure:
     @property
     def height(self) -> float:
         """Length from the feet over straight legs and trunk to the head's end [m]."""
-        x = self.places
+        x = self.positions
         trunk = np.linalg.norm(x["neck"] - x["trunk"])
-        return self.leg + float(trunk + np.linalg.norm(x["head"] - x["neck"]))
+        return self.leg_length + float(trunk + np.linalg.norm(x["head"] - x["neck"]))
 
-    def at(self, part: str) -> Array:
+    def local_point(self, part: str) -> Array:
         """(3,) point of a part in the frame of its body [m]."""
         return np.array(self.points[part][1])
 

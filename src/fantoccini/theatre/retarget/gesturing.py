@@ -21,21 +21,21 @@ from fantoccini.dynamics.simulation import simulate
 from fantoccini.motion import State, Trajectory
 from fantoccini.theatre.capture import Capture, load_bvh
 from fantoccini.theatre.gestures import Gesture, xy_indices
-from fantoccini.theatre.retarget.deviations import GROUPS, PartError, errors_of, report_of
+from fantoccini.theatre.retarget.deviations import PART_GROUPS, PartError, group_errors, part_errors
 from fantoccini.theatre.retarget.following import (
-    INTERVAL,
-    crossings_in,
-    driven,
-    eased,
-    lead_along,
-    smoothed,
+    INPUT_INTERVAL,
+    driven_inputs,
+    eased_times,
+    follow_tracks,
+    smooth_poses,
+    string_crossings,
     tracks_along,
 )
 from fantoccini.theatre.retarget.mapping import MappingFile
 from fantoccini.theatre.retarget.placing import PartTargets
 from fantoccini.theatre.retarget.retargeting import (
-    LEANS,
-    WEIGHTS,
+    LEAN_FACTORS,
+    PART_WEIGHTS,
     PlacedClip,
     RetargetedClip,
     part_positions,
@@ -143,7 +143,7 @@ def clip_gesture(
     """
     check_positive(faster=faster, speed=speed, acceleration=acceleration)
     first: ClipGesture | None = None
-    for lean in LEANS:
+    for lean in LEAN_FACTORS:
         gesture = _gesture_with_lean(
             dataclasses.replace(placed, lean=lean), faster, lasts, speed, acceleration
         )
@@ -163,25 +163,25 @@ def _gesture_with_lean(
     retargeted = retarget_clip(marionette, placed)
     dip = max(
         float(np.max(home[foot][0, 2] - retargeted.hanging_positions[foot][:, 2]))
-        for foot in GROUPS["feet"]
+        for foot in PART_GROUPS["feet"]
     )
     if dip > 0.0:
         retargeted = retarget_clip(marionette, _raised(placed, dip))
-    parts, q_K = smoothed(retargeted)
+    parts, q_K = smooth_poses(retargeted)
     leads = _lead_times(retargeted, q_K, start, speed, acceleration)
     if lasts is not None:
         faster = _speed_factor(retargeted, lasts, sum(leads) + _STOP_TIME)
-    clip_times = eased(retargeted.t / faster, _EASE_TIME)
+    clip_times = eased_times(retargeted.t / faster, _EASE_TIME)
     t, frames = _clock(clip_times, leads)
     tracks = tracks_along(
         retargeted.figure,
         t,
-        {part: _joined(home[part][0], parts[part], t, frames) for part in WEIGHTS},
+        {part: _joined(home[part][0], parts[part], t, frames) for part in PART_WEIGHTS},
         _joined(start.q_K, q_K, t, frames),
     )
     bounds = _bounds_for_all_headings(marionette, speed, acceleration)
-    acc_K, _ = lead_along(marionette, start, float(t[-1]), tracks, *bounds)
-    gesture = Gesture.from_input(driven(marionette, start, acc_K), name=placed.clip.name)
+    acc_K, _ = follow_tracks(marionette, start, float(t[-1]), tracks, *bounds)
+    gesture = Gesture.from_input(driven_inputs(marionette, start, acc_K), name=placed.clip.name)
     slow = {"speed": speed * _BOUND_SHARES[0], "acceleration": acceleration * _BOUND_SHARES[1]}
     gesture = gesture.then(Gesture.rest(marionette.coordinates, _REST_TIME), **slow)
     frame_times = t[frames]
@@ -193,8 +193,8 @@ def _gesture_with_lean(
         frame_times = frame_times * lasts / gesture.duration
         gesture = gesture.lasting(lasts)
     run = simulate(marionette, start, gesture.inputs(start), effort=False, throw=False)
-    report = report_of(retargeted, errors_of(retargeted, run, frame_times))
-    crossings = crossings_in(marionette, run)
+    report = group_errors(retargeted, part_errors(retargeted, run, frame_times))
+    crossings = string_crossings(marionette, run)
     return ClipGesture(gesture, retargeted, frame_times, run, report, crossings)
 
 
@@ -222,13 +222,13 @@ def _raised(placed: PlacedClip, by: float) -> PlacedClip:
     up = np.array([0.0, 0.0, by])
     shift = np.zeros((3, 4))
     shift[:, 3] = up
-    places = placed.places
+    targets = placed.targets
     return dataclasses.replace(
         placed,
-        places=PartTargets(
-            {part: path + up for part, path in places.parts.items()},
-            {part: frame + shift for part, frame in places.frames.items()},
-            places.scale,
+        targets=PartTargets(
+            {part: path + up for part, path in targets.parts.items()},
+            {part: frame + shift for part, frame in targets.frames.items()},
+            targets.scale,
         ),
     )
 
@@ -276,7 +276,7 @@ def _lead_times(
 
 def _clock(frame_times: Times, leads: tuple[float, float]) -> tuple[Times, slice]:
     """Times of the gesture, and the slice of the clip's frames in them."""
-    count = [int(np.ceil(lead / INTERVAL)) for lead in leads]
+    count = [int(np.ceil(lead / INPUT_INTERVAL)) for lead in leads]
     lead_in = np.linspace(0.0, leads[0], count[0] + 1)[:-1]
     lead_out = np.linspace(0.0, leads[1], count[1] + 1)[1:]
     clip = leads[0] + frame_times - frame_times[0]

@@ -50,7 +50,7 @@ class PartTargets:
     scale: float
 
 
-def place(
+def part_targets(
     figure: Figure,
     clip: Capture,
     joints: Mapping[str, int],
@@ -84,13 +84,13 @@ def place(
     x = {part: value @ turn.T for part, value in x.items()}
     facing = turn @ facing
     leg = float(np.median(_length(x, "hip", "knee") + _length(x, "knee", "foot")))
-    scale = figure.leg / leg
+    scale = figure.leg_length / leg
     axes = _trunks(x)
     parts = {"trunk": _hips(figure, x, scale, travel)}
     halves = _halves(figure, x, axes, parts["trunk"])
     for half, half_parts in zip(halves, _HALF_PARTS, strict=True):
         for part in half_parts:
-            parts[part] = half.point + half.turn @ (figure.at(part) - half.at)
+            parts[part] = half.point + half.turn @ (figure.local_point(part) - half.at)
     frames = {
         body: _frame(half.turn, half.point - half.turn @ half.at)
         for body, half in zip(("trunk", "hips"), halves, strict=True)
@@ -98,17 +98,19 @@ def place(
     }
     head = _facing(axes, facing) @ figure.axes.T
     frames["head"] = _frame(head, parts["neck"])
-    parts["head"] = parts["neck"] + head @ figure.at("head")
+    parts["head"] = parts["neck"] + head @ figure.local_point("head")
     for side in SIDES:
         for limb, half in zip(LIMBS, halves, strict=True):
             begin, middle, end, upper, lower = (f"{name}_{side}" for name in limb)
-            first = _along(half.turn, figure.at(middle), x[middle] - x[begin])
-            second = _along(half.turn, figure.at(end), x[end] - x[middle])
+            first = _along(half.turn, figure.local_point(middle), x[middle] - x[begin])
+            second = _along(half.turn, figure.local_point(end), x[end] - x[middle])
             frames[upper] = _frame(first, parts[begin])
-            parts[middle] = parts[begin] + first @ figure.at(middle)
+            parts[middle] = parts[begin] + first @ figure.local_point(middle)
             frames[lower] = _frame(second, parts[middle])
-            reach = parts[middle] + second @ figure.at(end) - parts[begin]
-            longest = _MAX_STRETCH * sum(np.linalg.norm(figure.at(part)) for part in (middle, end))
+            reach = parts[middle] + second @ figure.local_point(end) - parts[begin]
+            longest = _MAX_STRETCH * sum(
+                np.linalg.norm(figure.local_point(part)) for part in (middle, end)
+            )
             size = np.linalg.norm(reach, axis=1, keepdims=True)
             parts[end] = parts[begin] + reach * np.minimum(1.0, longest / np.maximum(size, 1e-9))
     return PartTargets(parts, frames, scale)
@@ -143,17 +145,17 @@ def _halves(
         axes: (T, 3, 3) columns forward, left, up of the trunk.
         hips: (T, 3) targets of the midpoint between the hips.
     """
-    if figure.lower is None:
-        half = _Half(axes @ figure.axes.T, hips, figure.at("trunk"))
+    if figure.lower_trunk is None:
+        half = _Half(axes @ figure.axes.T, hips, figure.local_point("trunk"))
         return half, half
     shoulder_line, hip_line = (x[f"{p}_left"] - x[f"{p}_right"] for p in ("shoulder", "hip"))
     up = axes[..., 2]
-    lower = axes_along(up, hip_line) @ figure.lower.axes.T
-    waist = hips + lower @ (figure.lower.waist - figure.at("trunk"))
+    lower = axes_along(up, hip_line) @ figure.lower_trunk.axes.T
+    waist = hips + lower @ (figure.lower_trunk.waist - figure.local_point("trunk"))
     upper = axes_along(up, shoulder_line) @ figure.axes.T
     return (
-        _Half(upper, waist, figure.lower.waist_in_trunk),
-        _Half(lower, hips, figure.at("trunk")),
+        _Half(upper, waist, figure.lower_trunk.waist_in_trunk),
+        _Half(lower, hips, figure.local_point("trunk")),
     )
 
 
@@ -219,8 +221,8 @@ def _hips(figure: Figure, x: Mapping[str, Array], scale: float, travel: float) -
     hips = 0.5 * (x["hip_left"] + x["hip_right"])
     feet = np.minimum(x["foot_left"][:, 2], x["foot_right"][:, 2])
     floor = float(np.percentile(feet, _FLOOR_PERCENTILE))
-    ground = min(figure.places[f"foot_{side}"][2] for side in SIDES)
-    out = figure.places["trunk"] + scale * travel * (hips - hips[0])
+    ground = min(figure.positions[f"foot_{side}"][2] for side in SIDES)
+    out = figure.positions["trunk"] + scale * travel * (hips - hips[0])
     out[:, 2] = ground + scale * (hips[:, 2] - floor)
     return np.asarray(out)
 
