@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from tests.capture.test_retarget import NAMES, STANDS, captured, clip
+from tests.capture.test_retarget import NAMES, STANDS, capture_of, write_clip
 
 import fantoccini as fan
 from fantoccini.base.errors import StateError
@@ -57,7 +57,7 @@ def twisted(degrees: float) -> Capture:
     upper = [i for i, name in enumerate(NAMES) if "Arm" in name or "Hand" in name or name == "Head"]
     frame[upper] = STANDS[upper] @ turn.T
     head = np.stack([np.eye(3), turn])
-    return captured(np.stack([STANDS, frame]), head)
+    return capture_of(np.stack([STANDS, frame]), head)
 
 
 def test_a_puppet_with_a_waist_has_the_figure_of_one_without(waisted, marionette):
@@ -188,7 +188,7 @@ def test_parts_that_hang_at_other_parts_are_refused(marionette):
 
 @pytest.mark.slow
 def test_a_marionette_with_a_waist_follows_a_clip(waisted, tmp_path):
-    followed = fan.theatre.follow_clip(waisted, clip(tmp_path, "lafan1", "wave"))
+    followed = fan.theatre.follow_clip(waisted, write_clip(tmp_path, "lafan1", "wave"))
     assert followed, followed.status
     errors = {part.name: part.excess for part in followed.report}
     assert all(above < 0.02 for above in errors.values()), errors

@@ -52,7 +52,7 @@ DACHSHUND = Gait(
 """Gait that a search has found for the bundled dachshund, straight and along an arc of 1 m."""
 
 
-def on_legs(n: int) -> BodyMap:
+def body_map_with_pairs(n: int) -> BodyMap:
     """Body map with n pairs of legs."""
     legs = [Limb("leg", side, ("foot",), (0, 0, 0)) for _ in range(n) for side in ("left", "right")]
     return BodyMap(("trunk",), None, tuple(legs), (1.0, 0.0, 0.0))
@@ -61,7 +61,7 @@ def on_legs(n: int) -> BodyMap:
 def contact_slides(stage: fan.Marionette, run: fan.Trajectory, gait: Gait) -> np.ndarray:
     """(n_cycles,) largest slide of loaded contact points, after the preparation [m]."""
     cycle = np.floor(0.5 * ((run.t - run.t[0]) / gait.step_time - PREPARATION_STEPS)).astype(int)
-    own = cycle[:-1] >= 0
+    is_walking = cycle[:-1] >= 0
     slides = []
     for limb in BodyParts.for_puppet(stage, "pierrot").body_map.limbs:
         if limb.kind != "leg":
@@ -71,38 +71,40 @@ def contact_slides(stage: fan.Marionette, run: fan.Trajectory, gait: Gait) -> np
         speed = np.zeros(len(run.t))
         np.maximum.at(speed, points.sample[touching], points.sliding[touching])
         slide = speed[:-1] * np.diff(run.t)
-        slides.append(np.bincount(cycle[:-1][own], slide[own]))
+        slides.append(np.bincount(cycle[:-1][is_walking], slide[is_walking]))
     return np.max(slides, axis=0)
 
 
 def test_legs_take_turns_as_their_pattern_says():
-    assert gait_phases(on_legs(1)) == {"leg_left": 0.0, "leg_right": 0.5}
+    assert gait_phases(body_map_with_pairs(1)) == {"leg_left": 0.0, "leg_right": 0.5}
     lateral = {
         "leg_hind_left": 0.0,
         "leg_front_left": 0.25,
         "leg_hind_right": 0.5,
         "leg_front_right": 0.75,
     }
-    assert gait_phases(on_legs(2)) == lateral
-    diagonal = gait_phases(on_legs(2), "trot")
+    assert gait_phases(body_map_with_pairs(2)) == lateral
+    diagonal = gait_phases(body_map_with_pairs(2), "trot")
     assert diagonal["leg_front_left"] == diagonal["leg_hind_right"]
     assert diagonal["leg_front_left"] != diagonal["leg_front_right"]
-    pace = gait_phases(on_legs(2), "pace")
+    pace = gait_phases(body_map_with_pairs(2), "pace")
     assert pace["leg_front_left"] == pace["leg_hind_left"] != pace["leg_hind_right"]
-    tripod = gait_phases(on_legs(3))
-    first = {"leg_front_left", "leg_middle_right", "leg_hind_left"}
-    assert {name for name, phase in tripod.items() if phase == 0.0} == first
-    assert set(gait_phases(on_legs(3), "hop").values()) == {0.0}
+    tripod = gait_phases(body_map_with_pairs(3))
+    first_legs = {"leg_front_left", "leg_middle_right", "leg_hind_left"}
+    assert {name for name, phase in tripod.items() if phase == 0.0} == first_legs
+    assert set(gait_phases(body_map_with_pairs(3), "hop").values()) == {0.0}
     with pytest.raises(StateError, match="pairs of legs"):
-        gait_phases(dataclasses.replace(on_legs(1), limbs=on_legs(1).limbs[:1]))
-    legs = on_legs(1).limbs
+        gait_phases(
+            dataclasses.replace(body_map_with_pairs(1), limbs=body_map_with_pairs(1).limbs[:1])
+        )
+    legs = body_map_with_pairs(1).limbs
     tripod_of_one_pair = dataclasses.replace(
-        on_legs(1), limbs=(*legs, dataclasses.replace(legs[0], side="middle"))
+        body_map_with_pairs(1), limbs=(*legs, dataclasses.replace(legs[0], side="middle"))
     )
     assert gait_phases(tripod_of_one_pair)["leg"] == 0.25
     assert gait_phases(tripod_of_one_pair, "hop")["leg"] == 0.0
     with pytest.raises(ValueError, match="needed: walk, trot"):
-        gait_phases(on_legs(1), "gallop")  # type: ignore[arg-type]
+        gait_phases(body_map_with_pairs(1), "gallop")  # type: ignore[arg-type]
 
 
 def test_ends_of_a_standing_leg_stand_still_and_close_up(promenade):
@@ -171,12 +173,12 @@ def test_a_found_gait_slides_less_and_is_kept(promenade, monkeypatch):
         raise AssertionError("a search, although the result is kept")
 
     monkeypatch.setattr("fantoccini.theatre.gaits.gait_search.tune", refused)
-    again = find_gait(promenade, first, rounds=1, draws=draws)
-    assert again.gait == gait
-    for field in dataclasses.fields(again.feet):
-        from_cache, searched = getattr(again.feet, field.name), getattr(tuned.feet, field.name)
+    cached = find_gait(promenade, first, rounds=1, draws=draws)
+    assert cached.gait == gait
+    for field in dataclasses.fields(cached.feet):
+        from_cache, searched = getattr(cached.feet, field.name), getattr(tuned.feet, field.name)
         np.testing.assert_array_equal(from_cache, searched)
-    assert again.status is tuned.status and again.feet.run_status is fan.Status.DONE
+    assert cached.status is tuned.status and cached.feet.run_status is fan.Status.DONE
 
 
 def with_leg(body_parts: BodyParts, leg: Limb) -> BodyParts:

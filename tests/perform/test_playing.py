@@ -6,7 +6,7 @@ import itertools
 
 import numpy as np
 import pytest
-from tests.gestures.able import gestures_of
+from tests.gestures.available import available_gestures
 from tests.perform.hands import hands_of
 
 import fantoccini as fan
@@ -19,7 +19,7 @@ pytestmark = pytest.mark.slow
 
 @pytest.fixture(scope="module")
 def gestures(marionette):
-    return gestures_of(marionette)
+    return available_gestures(marionette)
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from benchmarks.capture.clips import write
 from scipy.spatial.transform import Rotation
-from tests.capture.test_retarget import NAMES, STANDS, captured
+from tests.capture.test_retarget import NAMES, STANDS, capture_of
 
 import fantoccini as fan
 from fantoccini.theatre.capture import clip_names
@@ -171,8 +171,8 @@ def test_turning_and_travel_are_left_out(marionette: fan.Marionette):
     head = Rotation.random(60, random_state=1).as_matrix()
     turns = _spin(np.cumsum(rng.normal(scale=0.3, size=60)))
     way = np.cumsum(rng.normal(scale=0.1, size=(60, 1, 3)), axis=0) * [1.0, 1.0, 0.0]
-    turned = captured(np.einsum("tij,tkj->tki", turns, moving) + way, turns @ head)
-    figure, plain = figure_of(marionette, marionette.rest()), captured(moving, head)
+    turned = capture_of(np.einsum("tij,tkj->tki", turns, moving) + way, turns @ head)
+    figure, plain = figure_of(marionette, marionette.rest()), capture_of(moving, head)
     joints = joints_of(find_mapping(plain.skeleton), plain.skeleton)
     still, two = (part_targets(figure, clip, joints, 0.0, turning=0.0) for clip in (plain, turned))
     for part, path in still.parts.items():
@@ -180,7 +180,7 @@ def test_turning_and_travel_are_left_out(marionette: fan.Marionette):
     # All turning is kept by default, and half of it on demand.
     spun = np.einsum("tij,kj->tki", _spin(0.05 * np.arange(60)), STANDS)
     for turning in (1.0, 0.5):
-        places = part_targets(figure, captured(spun), joints, 0.0, turning=turning).parts
+        places = part_targets(figure, capture_of(spun), joints, 0.0, turning=turning).parts
         across = places["shoulder_left"] - places["shoulder_right"]
         angle = np.unwrap(np.arctan2(-across[:, 0], across[:, 1]))
         np.testing.assert_allclose(angle, turning * 0.05 * np.arange(60), atol=1e-9)

@@ -113,8 +113,8 @@ def _remarks(followed: FollowResult) -> Iterator[str]:
         yield (
             f"the puppet does not follow: the error of its {worst.name} is "
             f"{1e3 * worst.run_error:.0f} mm (root mean square), {100 * followed.error:.0f} % of "
-            f"its height; that of hanging poses is {1e3 * worst.pose_error:.0f} mm; try slower hands "
-            "(--speed, --acceleration), a slower clip, or another puppet"
+            f"its height; that of hanging poses is {1e3 * worst.pose_error:.0f} mm; try slower "
+            "hands (--speed, --acceleration), a slower clip, or another puppet"
         )
     if followed.losses:
         longest = max(followed.losses, key=lambda loss: loss.end - loss.begin)
