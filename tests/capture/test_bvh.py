@@ -414,7 +414,7 @@ def with_fixed_root(text: str, root_offset: tuple[float, float, float]) -> str:
 
 
 @pytest.mark.parametrize("convention", ["mixamo", "cmu", "lafan1"])
-@pytest.mark.parametrize("away", [(0.0, 0.0, 900.0), (-2000.0, 0.0, 50.0)])
+@pytest.mark.parametrize("root_offset", [(0.0, 0.0, 900.0), (-2000.0, 0.0, 50.0)])
 def test_a_root_that_stays_at_the_origin_is_no_part_of_the_body(tmp_path, convention, root_offset):
     text = clips.clip("walk", convention)
     size = clips.CONVENTIONS[convention].unit
