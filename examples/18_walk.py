@@ -16,7 +16,7 @@ STEPS = 8
 out = Path("out")
 out.mkdir(exist_ok=True)
 stage = fan.puppets.promenade()
-x0, body_parts = stage.rest(), BodyParts.of(stage, "pierrot")
+x0, body_parts = stage.rest(), BodyParts.for_puppet(stage, "pierrot")
 
 
 def walk(gait: Gait) -> fan.Trajectory:

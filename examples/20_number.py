@@ -84,7 +84,7 @@ for change in score.changes:
 rehearsal = fan.theatre.rehearse(score, rounds=36)
 print(rehearsal)
 for cue in score.cues:
-    late = [f"{m.mark} {1e3 * m.seconds:.0f} ms" for m in rehearsal.late if m.cue is cue]
+    late = [f"{m.mark} {1e3 * m.seconds:.0f} ms" for m in rehearsal.final_lateness if m.cue is cue]
     if late:
         print(f"{cue.gesture} on beat {cue.start / score.beat:.1f}: late at", ", ".join(late))
 view.film(

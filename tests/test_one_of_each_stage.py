@@ -17,14 +17,14 @@ from fantoccini import theatre
 from fantoccini.base.documents import Model
 from fantoccini.theatre.cast import Actor, Corrections
 from fantoccini.theatre.gestures import (
+    CuePart,
     Hands,
-    Line,
-    Part,
-    Performed,
+    LatenessPolicy,
+    MotionSequence,
+    PendingCue,
+    PerformedScript,
     Performer,
-    Placed,
-    Policy,
-    Turn,
+    PlacedCue,
 )
 from fantoccini.theatre.plays.placing import Placement
 from fantoccini.theatre.plays.rounds import Results, Round
@@ -36,7 +36,7 @@ from fantoccini.theatre.script import (
     PlayFile,
     ScoreFile,
     Timeline,
-    spelled,
+    file_key,
 )
 
 pytestmark = pytest.mark.medium
@@ -94,8 +94,8 @@ def test_scores_and_plays_take_the_verbs_of_the_table():
 @pytest.mark.parametrize("key", VERBS)
 def test_names_of_a_verb_are_keys_of_its_cues(key: str):
     verb = VERBS[key]
-    assert {*verb.names} <= {*verb.cue.model_fields}
-    assert verb.cue.verb == key and spelled(key) not in STYLE_WORDS
+    assert {*verb.name_kinds} <= {*verb.cue.model_fields}
+    assert verb.cue.verb == key and file_key(key) not in STYLE_WORDS
 
 
 def sources() -> Iterator[tuple[str, ast.Module]]:
@@ -140,7 +140,7 @@ def test_scores_and_plays_have_one_performer():
     """Only the performer places cues on the timeline; it and its callers create placed cues."""
     used = {name for name, tree in sources() if calls(tree, "Performer")}
     assert used == {"gestures/placing.py", "plays/placing.py"}
-    for kind in ("Turn", "Placed", "Performed"):
+    for kind in ("PendingCue", "PlacedCue", "PerformedScript"):
         callers = {name for name, tree in sources() if calls(tree, kind)}
         assert callers, kind
         assert callers <= {"gestures/performing.py", "gestures/placing.py", "plays/placing.py"}
@@ -156,7 +156,11 @@ def test_scores_and_plays_have_one_performer():
 
 def test_late_cues_are_judged_by_policies():
     """A score reports them and a play refuses them; there is no other difference."""
-    users = {name: calls(tree, "Policy") for name, tree in sources() if calls(tree, "Policy")}
+    users = {
+        name: calls(tree, "LatenessPolicy")
+        for name, tree in sources()
+        if calls(tree, "LatenessPolicy")
+    }
     assert {name: len(policies) for name, policies in users.items()} == {
         "gestures/placing.py": 1,
         "plays/placing.py": 1,
@@ -189,17 +193,19 @@ PLACING_VALUES = (
     Actor,
     Hands,
     Results,
-    Line,
+    MotionSequence,
     StageState,
-    Part,
-    Performed,
+    CuePart,
+    PerformedScript,
     Performer,
-    Placed,
+    PlacedCue,
     Placement,
 )
 
 
-@pytest.mark.parametrize("kind", [*PLACING_VALUES, Policy, Round, Timeline, Turn, Corrections])
+@pytest.mark.parametrize(
+    "kind", [*PLACING_VALUES, LatenessPolicy, Round, Timeline, PendingCue, Corrections]
+)
 def test_values_of_placing_are_immutable(kind: type):
     assert dataclasses.is_dataclass(kind) and kind.__dataclass_params__.frozen
     for field in dataclasses.fields(kind):

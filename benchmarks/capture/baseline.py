@@ -29,9 +29,15 @@ from scipy.ndimage import gaussian_filter1d
 import fantoccini as fan
 from fantoccini.base.arrays import Times
 from fantoccini.base.errors import ARRIVED
-from fantoccini.theatre.retarget import PartError, Retargeted, figure_of, follow_clip, retarget_clip
-from fantoccini.theatre.retarget.deviations import errors_of, report_of
-from fantoccini.theatre.retarget.following import eased
+from fantoccini.theatre.retarget import (
+    PartError,
+    RetargetedClip,
+    figure_of,
+    follow_clip,
+    retarget_clip,
+)
+from fantoccini.theatre.retarget.deviations import group_errors, part_errors
+from fantoccini.theatre.retarget.following import eased_times
 
 LAG = 0.2
 """T of the paper's filter 1/(T s + 1)^3 [s]."""
@@ -41,25 +47,27 @@ LABELS = ("kinematics", "+ nominal", "+ identified", "+ lag", "hanging", "follow
 
 
 def measured(
-    clip: Retargeted, t: Times, inputs: fan.Input, start: fan.State, late: bool = False
+    clip: RetargetedClip, t: Times, inputs: fan.Input, start: fan.State, late: bool = False
 ) -> tuple[tuple[PartError, ...], str]:
     """Errors of an event-driven run, and a remark."""
     run = fan.simulate(clip.marionette, start, inputs, effort=False, throw=False)
     delays = DELAYS if late else DELAYS[:1]
-    scored = [errors_of(clip, run, t + delay) for delay in delays]
+    scored = [part_errors(clip, run, t + delay) for delay in delays]
     sizes = [sum(float(np.mean(e**2)) for e in errors.values()) for errors in scored]
     best = int(np.argmin(sizes))
     remark = f"late {delays[best]:.2f} s" if late else ""
     if run.status not in ARRIVED:
         remark += f" STOPPED at {run.t[-1]:.2f} s"
-    return report_of(clip, scored[best]), remark
+    return group_errors(clip, scored[best]), remark
 
 
-def hanging(clip: Retargeted) -> fan.Input:
+def hanging(clip: RetargetedClip) -> fan.Input:
     """The hands of the nearest hanging poses, smoothed as the inputs of follow_clip."""
-    t = eased(clip.t)
+    t = eased_times(clip.t)
     times = np.arange(0.0, t[-1], 0.01)
-    q_K = gaussian_filter1d(CubicSpline(t, clip.reach.q_K)(times), 3.5, axis=0, mode="nearest")
+    q_K = gaussian_filter1d(
+        CubicSpline(t, clip.hanging_poses.q_K)(times), 3.5, axis=0, mode="nearest"
+    )
     columns = dict(zip(clip.marionette.coordinates.q_K, q_K.T, strict=True))
     return fan.Input.samples(clip.marionette, clip.start.t + times, columns)
 
@@ -107,7 +115,7 @@ def main() -> None:
             inputs = hanging(clip)
             q_K, _, _ = inputs.evaluate(clip.start.t)
             start = puppet.rest(clip.start.replace(q_K=q_K))
-            show(path.stem, "hanging", *measured(clip, eased(clip.t), inputs, start))
+            show(path.stem, "hanging", *measured(clip, eased_times(clip.t), inputs, start))
             followed = follow_clip(puppet, clip)
             show(path.stem, "follow_clip", followed.report, "" if followed else "STOPPED")
     for label in LABELS:

@@ -51,7 +51,7 @@ def main() -> None:
             taken = time.perf_counter() - begun
             height = retargeted.figure.height
             errors = "  ".join(
-                f"{100 * part.reach / height:4.1f} + {100 * part.excess:3.1f}"
+                f"{100 * part.pose_error / height:4.1f} + {100 * part.excess:3.1f}"
                 for part in followed.report
             )
             print(

@@ -32,12 +32,12 @@ from fantoccini.base.arrays import Array, Times, check_positive
 from fantoccini.base.errors import StateError
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import Input, State
-from fantoccini.theatre.retarget.following import ACCELERATION, SPEED, eased
+from fantoccini.theatre.retarget.following import MAX_ACCELERATION, MAX_SPEED, eased_times
 from fantoccini.theatre.retarget.retargeting import (
-    WEIGHTS,
-    Retargeted,
+    PART_WEIGHTS,
+    RetargetedClip,
     TiedString,
-    places_in,
+    part_positions,
     tied_strings,
     vertical_strings,
 )
@@ -71,10 +71,10 @@ class KinematicMotion:
         errors: part -> (n,) distance of the poses from the part's target [m].
         inputs: the motion of the hands.
         widths: string -> standard deviation of the smoothing with which bounds hold [s].
-        t: (T,) times of the clip's frames in the run, as in :class:`Followed` [s].
+        t: (T,) times of the clip's frames in the run, as in :class:`FollowResult` [s].
     """
 
-    retargeted: Retargeted
+    retargeted: RetargetedClip
     times: Times
     q_D: Array
     errors: Mapping[str, Array]
@@ -91,12 +91,12 @@ class KinematicMotion:
 
 
 def kinematic_inputs(
-    retargeted: Retargeted,
+    retargeted: RetargetedClip,
     feed_forward: bool | Swing = True,
     *,
     lag: float = 0.0,
-    speed: float = SPEED,
-    acceleration: float = ACCELERATION,
+    speed: float = MAX_SPEED,
+    acceleration: float = MAX_ACCELERATION,
 ) -> KinematicMotion:
     """The motion of the hands by inverse kinematics and swing feed-forward; see the module.
 
@@ -118,20 +118,20 @@ def kinematic_inputs(
     if len(retargeted.t) < 2:
         raise StateError("kinematic_inputs: the clip has one frame; needed: two or more")
     marionette, start = retargeted.marionette, retargeted.start
-    figure, t, places = retargeted.figure, eased(retargeted.t), retargeted.places.parts
+    figure, t, places = retargeted.figure, eased_times(retargeted.t), retargeted.targets.parts
     frame = float(np.median(np.diff(t)))
     at = frame * np.arange(int(np.ceil((t[-1] + _SETTLE * lag) / frame - 1e-9)) + 1, dtype=float)
-    wanted = CubicSpline(t, np.stack([places[part] for part in WEIGHTS], axis=1))(
+    wanted = CubicSpline(t, np.stack([places[part] for part in PART_WEIGHTS], axis=1))(
         np.minimum(at, t[-1])
     )
     for _ in range(3 if lag else 0):
         wanted = _lagging(wanted, frame / lag)
     q_D = poses_near(retargeted, wanted)
     poses = marionette.poses(q_D, np.broadcast_to(start.q_K, (len(q_D), len(start.q_K))))
-    positions = places_in(figure, poses)
+    positions = part_positions(figure, poses)
     errors = {
         part: np.linalg.norm(positions[part] - wanted[:, i], axis=1)
-        for i, part in enumerate(WEIGHTS)
+        for i, part in enumerate(PART_WEIGHTS)
     }
     frames = {part: poses[:, marionette.link_index(body)] for part, body in figure.bodies.items()}
     times = _DT * np.arange(int(np.ceil(at[-1] / _DT - 1e-9)) + 1, dtype=float)
@@ -205,7 +205,7 @@ def _bounded(
     )
 
 
-def poses_near(retargeted: Retargeted, wanted: Array) -> Array:
+def poses_near(retargeted: RetargetedClip, wanted: Array) -> Array:
     """(n, n_qD) poses nearest to places, each starting from the previous.
 
     Args:
@@ -217,13 +217,13 @@ def poses_near(retargeted: Retargeted, wanted: Array) -> Array:
     q_K = np.broadcast_to(retargeted.start.q_K, (n + 1, len(retargeted.start.q_K)))
     still = {"v_D": np.zeros((n + 1, n)), "v_K": np.zeros((n + 1, marionette.coordinates.n_vK))}
     nudges = np.vstack([np.zeros(n), _NUDGE * np.eye(n)])
-    scale = np.sqrt(list(WEIGHTS.values()))[:, None]
+    scale = np.sqrt(list(PART_WEIGHTS.values()))[:, None]
 
     def step(q: Array, target: Array) -> Array:
         """(n,) Gauss-Newton step at a pose."""
         near = marionette.integrate(q, nudges)
-        places = places_in(figure, marionette.poses(near, q_K))
-        off = np.stack([places[part] for part in WEIGHTS], axis=1) - target
+        places = part_positions(figure, marionette.poses(near, q_K))
+        off = np.stack([places[part] for part in PART_WEIGHTS], axis=1) - target
         at = {"q_D": near, "q_K": q_K, "p": marionette.p}
         h = marionette.library.evaluate("rows", **at).h[:, n_strings:]
         V = marionette.library.evaluate("energy", **at, **still).V.ravel() / marionette.weight

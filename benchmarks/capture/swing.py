@@ -23,7 +23,7 @@ from fantoccini.dynamics.simulation import simulate
 from fantoccini.motion import Input, State
 from fantoccini.theatre.retarget.figure import Figure
 from fantoccini.theatre.retarget.mapping import SIDES
-from fantoccini.theatre.retarget.retargeting import TiedString, places_in, tied_strings
+from fantoccini.theatre.retarget.retargeting import TiedString, part_positions, tied_strings
 
 _STEP, _RISE, _LONG = 0.02, 0.1, 3.0
 """Size of a step [m], its duration and that of the observation [s]."""
@@ -138,7 +138,7 @@ def _fit(
             save_every=5,
             effort=False,
         )
-        places = places_in(figure, marionette.poses(run.q_D, run.q_K))
+        places = part_positions(figure, marionette.poses(run.q_D, run.q_K))
         ways.append(places[string.part.replace("forearm", "hand")] @ axis / size)
     y = 0.5 * (ways[0] + ways[1])  # an arm yields more inwards than outwards
     y, x = y - y[0], (q0 - run.q_K[:, column]) / _STEP

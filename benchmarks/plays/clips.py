@@ -21,10 +21,10 @@ from scipy.spatial.transform import Rotation
 
 import fantoccini as fan
 from fantoccini.theatre.capture import clip_names
-from fantoccini.theatre.capture.bvh import bundled_clip
+from fantoccini.theatre.capture.bvh import bundled_clip_path
 from fantoccini.theatre.retarget import clip_gesture, place_on_spot
-from fantoccini.theatre.retarget.deviations import GROUPS
-from fantoccini.theatre.retarget.retargeting import places_in
+from fantoccini.theatre.retarget.deviations import PART_GROUPS
+from fantoccini.theatre.retarget.retargeting import part_positions
 
 PLAY = """play: clip
 cast:
@@ -55,7 +55,7 @@ def measured(path: Path, folder: Path, walks: bool) -> str:
         acceleration=bounds.acceleration,
     )
     run, clip = check.run.resample(cue_of_play.start + gesture.t), gesture.retargeted
-    seen = places_in(clip.figure, player.marionette.poses(run.q_D, run.q_K))
+    seen = part_positions(clip.figure, player.marionette.poses(run.q_D, run.q_K))
     at, heading = np.array([player.start.x, player.start.y]), player.start.heading
     for way in play.walks["pierrot"]:
         (at,), (heading,) = way.footing(np.array([cue_of_play.start]))
@@ -67,8 +67,8 @@ def measured(path: Path, folder: Path, walks: bool) -> str:
         return 100.0 * size / clip.figure.height
 
     cells = []
-    for parts in GROUPS.values():
-        wanted = {part: clip.places.parts[part] for part in parts}
+    for parts in PART_GROUPS.values():
+        wanted = {part: clip.targets.parts[part] for part in parts}
         hung = rms([clip.hanging_positions[part] - wanted[part] for part in parts])
         off = rms([seen[part] - (wanted[part] - middle) @ turn.T - [*at, 0.0] for part in parts])
         cells.append(f"{hung:.1f} + {off - hung:.1f}")
@@ -87,8 +87,8 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         (folder / "own").mkdir()
-        paths = [bundled_clip(name) for name in clip_names()] + write(folder / "own", "lafan1")
-        print(f"| clip | length | compiled in | {' | '.join(GROUPS)} | faults |")
+        paths = [bundled_clip_path(name) for name in clip_names()] + write(folder / "own", "lafan1")
+        print(f"| clip | length | compiled in | {' | '.join(PART_GROUPS)} | faults |")
         for path in paths:
             if not arguments.clips or path.stem in arguments.clips:
                 print(measured(path, folder, arguments.after_walk), flush=True)

@@ -25,7 +25,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 import fantoccini as fan
-from fantoccini.theatre.gestures import lateness
+from fantoccini.theatre.gestures import measure_lateness
 from fantoccini.theatre.perform.steady import PlayerBodies
 from fantoccini.theatre.plays import CueOfPlay
 
@@ -41,7 +41,7 @@ LATE, NEAR = 1 / 60, 0.02
 
 @dataclass
 class Run:
-    """A show on the play's clock, for :func:`fantoccini.lateness`."""
+    """A show on the play's clock, for :func:`fantoccini.measure_lateness`."""
 
     t: np.ndarray
     q_D: CubicSpline
@@ -127,7 +127,7 @@ def turns(play: fan.theatre.Play, run: Run) -> dict[tuple[int, str, str, str], f
     parts = {id(cue): part for cue, part in zip(play.score.cues, play.parts, strict=True)}
     return {
         (*parts[id(late.cue)], late.mark, late.string): late.seconds
-        for late in lateness(play.score, run)
+        for late in measure_lateness(play.score, run)
     }
 
 

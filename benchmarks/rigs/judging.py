@@ -72,7 +72,7 @@ def judge(seed: int, rounds: int) -> Verdict:
     status = None
     try:
         stage = rig.stage
-        body_parts = BodyParts.of(stage, "rig")
+        body_parts = BodyParts.for_puppet(stage, "rig")
         own = [limb for limb in body_parts.body_map.limbs if limb.kind == "leg" and limb.strings]
         mapped = {limb.bodies[-1].removeprefix("rig.") for limb in own} == set(rig.legs)
         bows = bow(stage, body_parts)

@@ -42,14 +42,14 @@ Frame Time: 0.025
 """
 
 
-def written(tmp_path, text: str):
+def write_clip(tmp_path, text: str):
     path = tmp_path / "clip.bvh"
     path.write_text(text, encoding="utf-8")
     return path
 
 
 def test_joints_are_where_their_channels_put_them(tmp_path):
-    clip = fan.theatre.load_bvh(written(tmp_path, ARM))
+    clip = fan.theatre.load_bvh(write_clip(tmp_path, ARM))
     assert clip.skeleton.names == ("hips", "upper arm", "hand", "hand.end")
     assert clip.skeleton.parents == (-1, 0, 1, 2) and clip.name == "clip"
     assert clip.t == pytest.approx([0.0, 0.025])
@@ -116,13 +116,13 @@ def test_positions_near_zero_are_relative_to_offsets(tmp_path):
     text = ARM.replace("CHANNELS 1 Zrotation", "CHANNELS 4 Xposition Yposition Zposition Zrotation")
     text = text.replace("1 2 3 0 0 0 90 ", "1 2 3 0 0 0 0.01 0 0 90 ")
     text = text.replace("0 0 0 90 0 0 0 ", "0 0 0 90 0 0 0 0.02 0 0 ")
-    clip = fan.theatre.load_bvh(written(tmp_path, text))
+    clip = fan.theatre.load_bvh(write_clip(tmp_path, text))
     np.testing.assert_allclose(clip.positions[0][1], [1.01, 12, 3], atol=1e-12)
     np.testing.assert_allclose(clip.positions[1][1], [-10.02, 0, 0], atol=1e-12)
     (note,) = clip.notes
     assert "taken as relative to their offsets" in note
     other = text.replace("0.01 0 0 90", "0 12 0 90").replace("0 0.02 0 0", "0 11 0 0")
-    clip = fan.theatre.load_bvh(written(tmp_path, other))
+    clip = fan.theatre.load_bvh(write_clip(tmp_path, other))
     np.testing.assert_allclose(clip.positions[0][1], [1, 14, 3], atol=1e-12)
     assert clip.notes == ()
 
@@ -131,29 +131,33 @@ def test_random_trees_agree_with_scipy(tmp_path):
     rng = np.random.default_rng(0)
     for _ in range(20):
         tree = RandomTree(rng, common=False)
-        clip = fan.theatre.load_bvh(written(tmp_path, tree.text))
-        for f in range(tree.frames):
-            where, turned = {}, {}
+        clip = fan.theatre.load_bvh(write_clip(tmp_path, tree.text))
+        for frame in range(tree.frames):
+            positions, rotations = {}, {}
             for i in range(tree.n):
-                mine = [
-                    (kind, tree.values[f, c]) for c, (j, kind) in enumerate(tree.columns) if j == i
+                joint_values = [
+                    (kind, tree.values[frame, c])
+                    for c, (j, kind) in enumerate(tree.columns)
+                    if j == i
                 ]
                 local = tree.offsets[i].copy()
-                for kind, value in mine:
+                for kind, value in joint_values:
                     if kind.endswith("position"):
                         local["XYZ".index(kind[0])] = value
-                angles = [value for kind, value in mine if kind.endswith("rotation")]
-                own = Rotation.from_euler(tree.orders[i], np.atleast_1d(angles), degrees=True)
-                own = own if own.single else own[0]
+                angles = [value for kind, value in joint_values if kind.endswith("rotation")]
+                rotation = Rotation.from_euler(tree.orders[i], np.atleast_1d(angles), degrees=True)
+                rotation = rotation if rotation.single else rotation[0]
                 if i == 0:
-                    where[i], turned[i] = local, own
+                    positions[i], rotations[i] = local, rotation
                 else:
-                    above = turned[tree.parents[i]]
-                    where[i] = where[tree.parents[i]] + above.apply(local)
-                    turned[i] = above * own
+                    parent_rotation = rotations[tree.parents[i]]
+                    positions[i] = positions[tree.parents[i]] + parent_rotation.apply(local)
+                    rotations[i] = parent_rotation * rotation
                 k = clip.skeleton.index(f"j{i}")
-                np.testing.assert_allclose(clip.positions[f, k], where[i], atol=1e-10)
-                np.testing.assert_allclose(clip.rotations[f, k], turned[i].as_matrix(), atol=1e-12)
+                np.testing.assert_allclose(clip.positions[frame, k], positions[i], atol=1e-10)
+                np.testing.assert_allclose(
+                    clip.rotations[frame, k], rotations[i].as_matrix(), atol=1e-12
+                )
 
 
 @pytest.mark.filterwarnings("ignore")
@@ -161,7 +165,7 @@ def test_common_files_agree_with_pybvh(tmp_path):
     pybvh = pytest.importorskip("pybvh")
     rng = np.random.default_rng(1)
     for _ in range(10):
-        path = written(tmp_path, RandomTree(rng, common=True).text)
+        path = write_clip(tmp_path, RandomTree(rng, common=True).text)
         clip, other = fan.theatre.load_bvh(path), pybvh.read_bvh_file(path, world_up="+y")
         theirs = pybvh.frames_to_node_positions(other)
         names = [node.name for node in other.nodes]
@@ -177,7 +181,7 @@ def test_common_files_agree_with_bvhio(tmp_path):
     bvhio = pytest.importorskip("bvhio")
     rng = np.random.default_rng(2)
     for _ in range(5):
-        path = written(tmp_path, RandomTree(rng, common=True).text)
+        path = write_clip(tmp_path, RandomTree(rng, common=True).text)
         clip, root = fan.theatre.load_bvh(path), bvhio.readAsHierarchy(str(path))
         for f in range(len(clip.t)):
             root.loadPose(f)
@@ -208,8 +212,8 @@ Frames: 1
 Frame Time: 0.01
 {1 / size} 0 0 10
 """
-    clip = fan.theatre.load_bvh(written(tmp_path, text))
-    assert clip.unit == (unit, size) and clip.up == {"y": 1, "z": 2}[up]
+    clip = fan.theatre.load_bvh(write_clip(tmp_path, text))
+    assert clip.unit == (unit, size) and clip.vertical_axis == {"y": 1, "z": 2}[up]
     upright = clip.upright()
     np.testing.assert_allclose(upright.positions[0], [[1, 0, 0], [1, 0, 1.75]], atol=1e-12)
     np.testing.assert_allclose(upright.skeleton.rest[1], [0, 0, 1.75], atol=1e-12)
@@ -242,35 +246,37 @@ Frame Time: 0.01
 )
 def test_mistakes_have_lines(tmp_path, change, line, message):
     assert change[0] in ARM
-    path = written(tmp_path, ARM.replace(change[0], change[1], 1))
-    with pytest.raises(FileError, match=message) as caught:
+    path = write_clip(tmp_path, ARM.replace(change[0], change[1], 1))
+    with pytest.raises(FileError, match=message) as error:
         fan.theatre.load_bvh(path)
-    assert f"clip.bvh:{line}:" in str(caught.value)
+    assert f"clip.bvh:{line}:" in str(error.value)
 
 
-ROWS = ARM.splitlines(keepends=True)[-2:]
+FRAME_ROWS = ARM.splitlines(keepends=True)[-2:]
 
 
 @pytest.mark.parametrize(
-    ("said", "rows", "frames"),
+    ("header_frames", "rows", "frames"),
     [(2, 1, 1), (2, 3, 3), (3, 2, 2), (1, 1, 1), (1, 2, 2), (0, 1, 1), (5, 4, 4)],
 )
 def test_another_number_of_frames_than_in_the_header_is_read_and_noted(
-    tmp_path, said, rows, frames
+    tmp_path, header_frames, rows, frames
 ):
-    text = "".join([*ARM.splitlines(keepends=True)[:-2], *(2 * ROWS)[:rows]])
-    clip = fan.theatre.load_bvh(written(tmp_path, text.replace("Frames: 2", f"Frames: {said}")))
+    text = "".join([*ARM.splitlines(keepends=True)[:-2], *(2 * FRAME_ROWS)[:rows]])
+    clip = fan.theatre.load_bvh(
+        write_clip(tmp_path, text.replace("Frames: 2", f"Frames: {header_frames}"))
+    )
     assert len(clip.t) == frames and np.all(np.diff(clip.t) == pytest.approx(0.025))
     np.testing.assert_allclose(clip.positions[0, 3], [1, 19, 3], atol=1e-12)
-    notes = [f"{tmp_path / 'clip.bvh'}: has {frames} frames; its header says {said}"]
-    assert list(clip.notes) == (notes if said != frames else [])
+    notes = [f"{tmp_path / 'clip.bvh'}: has {frames} frames; its header says {header_frames}"]
+    assert list(clip.notes) == (notes if header_frames != frames else [])
     assert clip.upright("y").notes == clip.notes
 
 
 @pytest.mark.parametrize("interval", ["0.025", "0", "0.0000000", "-1"])
 def test_a_single_pose_has_no_use_for_the_time_of_a_frame(tmp_path, interval):
     text = "".join(ARM.splitlines(keepends=True)[:-1]).replace("Frames: 2", "Frames: 1")
-    clip = fan.theatre.load_bvh(written(tmp_path, text.replace("0.025", interval)))
+    clip = fan.theatre.load_bvh(write_clip(tmp_path, text.replace("0.025", interval)))
     assert clip.t == pytest.approx([0.0]) and not clip.notes
     held = clip.holding_single_pose(1.0)
     assert held.t == pytest.approx([0.0, 1.0]) and held.holding_single_pose(2.0) is held
@@ -279,7 +285,7 @@ def test_a_single_pose_has_no_use_for_the_time_of_a_frame(tmp_path, interval):
 
 def test_without_frames_nothing_turns(tmp_path):
     text = "".join(ARM.splitlines(keepends=True)[:-2]).replace("Frames: 2", "Frames: 0")
-    clip = fan.theatre.load_bvh(written(tmp_path, text.replace("0 0 0", "3 2 1", 1)))
+    clip = fan.theatre.load_bvh(write_clip(tmp_path, text.replace("0 0 0", "3 2 1", 1)))
     np.testing.assert_array_equal(clip.positions[0, 0], [3, 2, 1])
     np.testing.assert_array_equal(clip.positions[0] - clip.positions[0, 0], clip.skeleton.rest)
     assert "has no frames; read as one pose with all angles 0" in str(clip.notes)
@@ -302,8 +308,8 @@ JAPANESE = ("センター", "左ひじ", "右ひじ")
 )
 def test_names_are_read_in_their_encoding(tmp_path, encoding, names):
     text = ARM
-    for plain, name in zip(("hips", "upper arm", "hand"), names, strict=True):
-        text = text.replace(plain, name)
+    for plain_clip, name in zip(("hips", "upper arm", "hand"), names, strict=True):
+        text = text.replace(plain_clip, name)
     path, mark = tmp_path / "clip.bvh", "\ufeff" if encoding == "utf-16-le" else ""
     path.write_bytes((mark + text).encode(encoding))
     assert fan.theatre.load_bvh(path).skeleton.names == (*names, f"{names[2]}.end")
@@ -312,8 +318,8 @@ def test_names_are_read_in_their_encoding(tmp_path, encoding, names):
 @pytest.mark.parametrize("encoding", ["gbk", "euc_kr", "big5", "cp932"])
 def test_names_in_other_encodings_stay_apart(tmp_path, encoding):
     text, body = ARM, "左" if encoding == "euc_kr" else "本体"  # a brace in Shift-JIS
-    for plain, name in zip(("hips", "upper arm", "hand"), ("中", body, "右"), strict=True):
-        text = text.replace(plain, name)
+    for plain_clip, name in zip(("hips", "upper arm", "hand"), ("中", body, "右"), strict=True):
+        text = text.replace(plain_clip, name)
     path = tmp_path / "clip.bvh"
     path.write_bytes(text.encode(encoding))
     assert len(set(fan.theatre.load_bvh(path).skeleton.names)) == 4
@@ -323,15 +329,15 @@ def test_names_in_other_encodings_stay_apart(tmp_path, encoding):
 def test_line_ends_may_be_lf_crlf_or_cr(tmp_path, end):
     path = tmp_path / "clip.bvh"
     path.write_bytes(ARM.replace("\n", end).encode())
-    clip, plain = fan.theatre.load_bvh(path), fan.theatre.load_bvh(written(tmp_path, ARM))
-    assert np.array_equal(clip.positions, plain.positions) and not clip.notes
+    clip, plain_clip = fan.theatre.load_bvh(path), fan.theatre.load_bvh(write_clip(tmp_path, ARM))
+    assert np.array_equal(clip.positions, plain_clip.positions) and not clip.notes
 
 
 @pytest.mark.parametrize("ending", ["\0" * 40, "\x1a", "\n\0\x1a"])
 @pytest.mark.parametrize("label", ["Frames:{}\n", "Frames : {}\n", "FRAMES:\t{}\n"])
 def test_padding_and_blanks_around_labels_are_read(tmp_path, ending, label):
     text = ARM.replace("Frames: 2\n", label.format(2)).replace("Frame Time: ", "Frame  Time:")
-    clip = fan.theatre.load_bvh(written(tmp_path, text + ending))
+    clip = fan.theatre.load_bvh(write_clip(tmp_path, text + ending))
     assert clip.t == pytest.approx([0.0, 0.025]) and clip.notes == ()
 
 
@@ -343,12 +349,12 @@ def test_frames_may_be_wrapped_over_lines(tmp_path, width):
     for row in (first, last):
         words = row.split()
         lines += [" ".join(words[k : k + width]) for k in range(0, len(words), width)]
-    clip = fan.theatre.load_bvh(written(tmp_path, "\n".join(lines) + "\n"))
-    plain = fan.theatre.load_bvh(written(tmp_path, ARM))
-    assert np.array_equal(clip.positions, plain.positions) and not clip.notes
+    clip = fan.theatre.load_bvh(write_clip(tmp_path, "\n".join(lines) + "\n"))
+    plain_clip = fan.theatre.load_bvh(write_clip(tmp_path, ARM))
+    assert np.array_equal(clip.positions, plain_clip.positions) and not clip.notes
     start, n = len(head) + -(-len(first.split()) // width) + 1, width if width < 10 else 11
     with pytest.raises(FileError, match=rf"clip\.bvh:{start}: found {n} number"):
-        fan.theatre.load_bvh(written(tmp_path, "\n".join([*lines[:-1], f"{lines[-1]} 7"])))
+        fan.theatre.load_bvh(write_clip(tmp_path, "\n".join([*lines[:-1], f"{lines[-1]} 7"])))
 
 
 @pytest.mark.parametrize("encoding", ["cp932", "utf-8", "utf-16", "latin-1", "gbk"])
@@ -357,8 +363,8 @@ def test_braces_may_be_glued_to_names(tmp_path, encoding, layout):
     """Also behind characters whose second byte is a brace in Shift-JIS or GBK."""
     names = {"latin-1": ("Clavé", "Ñandú", "Fußß")}.get(encoding, ("頭", "本体", "体本"))
     text = ARM
-    for plain, name in zip(("hips", "upper arm", "hand"), names, strict=True):
-        text = text.replace(plain, name)
+    for plain_clip, name in zip(("hips", "upper arm", "hand"), names, strict=True):
+        text = text.replace(plain_clip, name)
     if layout == "one line":
         for name in names:
             text = re.sub(rf"{name}\n\s*{{\n\s*", f"{name} {{ ", text)
@@ -369,31 +375,31 @@ def test_braces_may_be_glued_to_names(tmp_path, encoding, layout):
         text = re.sub(r"End Site\s*{\s*(OFFSET [^\n]*)\n\s*}", r"End Site { \1 }", text)
     path = tmp_path / "clip.bvh"
     path.write_bytes(text.encode(encoding))
-    clip, plain = fan.theatre.load_bvh(path), fan.theatre.load_bvh(written(tmp_path, ARM))
+    clip, plain_clip = fan.theatre.load_bvh(path), fan.theatre.load_bvh(write_clip(tmp_path, ARM))
     assert len(set(clip.skeleton.names)) == 4
     if encoding in ("utf-8", "utf-16", "latin-1"):
         assert clip.skeleton.names[:3] == names
-    assert np.array_equal(clip.positions, plain.positions)
+    assert np.array_equal(clip.positions, plain_clip.positions)
 
 
 def test_damaged_files_end_in_one_error(tmp_path):
     for n in range(0, len(ARM) - 25, 7):
         with pytest.raises(FileError, match=r"clip\.bvh"):
-            fan.theatre.load_bvh(written(tmp_path, ARM[:n]))
+            fan.theatre.load_bvh(write_clip(tmp_path, ARM[:n]))
     with pytest.raises(FileError, match="cannot be read"):
         fan.theatre.load_bvh(tmp_path / "none.bvh")
     deep = "".join(f"JOINT j{i}\n{{\nOFFSET 0 1 0\n" for i in range(400))
     with pytest.raises(FileError, match="200 deep"):
-        fan.theatre.load_bvh(written(tmp_path, f"HIERARCHY\nROOT r\n{{\nOFFSET 0 0 0\n{deep}"))
+        fan.theatre.load_bvh(write_clip(tmp_path, f"HIERARCHY\nROOT r\n{{\nOFFSET 0 0 0\n{deep}"))
 
 
 def test_joints_go_by_name(tmp_path):
-    clip = fan.theatre.load_bvh(written(tmp_path, ARM))
+    clip = fan.theatre.load_bvh(write_clip(tmp_path, ARM))
     with pytest.raises(UnknownNameError, match="did you mean 'hand'"):
         clip.skeleton.index("hnd")
 
 
-def with_fixed_root(text: str, away: tuple[float, float, float]) -> str:
+def with_fixed_root(text: str, root_offset: tuple[float, float, float]) -> str:
     """A clip with a joint at the origin above its hips, which walk elsewhere."""
     first, motion = text.split("MOTION")
     root = "ROOT reference\n{\nOFFSET 0 0 0\nCHANNELS 3 Xrotation Yrotation Zrotation\nJOINT"
@@ -402,26 +408,30 @@ def with_fixed_root(text: str, away: tuple[float, float, float]) -> str:
     moved = []
     for row in rows:
         values = [float(word) for word in row.split()]
-        values[:3] = np.add(values[:3], away).tolist()
+        values[:3] = np.add(values[:3], root_offset).tolist()
         moved.append(" ".join(f"{x:.4f}" for x in (0.0, 0.0, 0.0, *values)))
     return first + "}\nMOTION\n" + "\n".join([frames, interval, *moved]) + "\n"
 
 
 @pytest.mark.parametrize("convention", ["mixamo", "cmu", "lafan1"])
-@pytest.mark.parametrize("away", [(0.0, 0.0, 900.0), (-2000.0, 0.0, 50.0)])
-def test_a_root_that_stays_at_the_origin_is_no_part_of_the_body(tmp_path, convention, away):
+@pytest.mark.parametrize("root_offset", [(0.0, 0.0, 900.0), (-2000.0, 0.0, 50.0)])
+def test_a_root_that_stays_at_the_origin_is_no_part_of_the_body(tmp_path, convention, root_offset):
     text = clips.clip("walk", convention)
     size = clips.CONVENTIONS[convention].unit
-    away = tuple(0.01 * x / size for x in away)
-    plain = fan.theatre.load_bvh(written(tmp_path, text)).without_calibration()
+    root_offset = tuple(0.01 * x / size for x in root_offset)
+    plain_clip = fan.theatre.load_bvh(write_clip(tmp_path, text)).without_calibration()
     rooted = fan.theatre.load_bvh(
-        written(tmp_path, with_fixed_root(text, away))
+        write_clip(tmp_path, with_fixed_root(text, root_offset))
     ).without_calibration()
-    assert (rooted.up, rooted.unit) == (plain.up, plain.unit) == (1, rooted.unit)
-    assert rooted.unit[1] == size and rooted.height == pytest.approx(plain.height)
+    assert (
+        (rooted.vertical_axis, rooted.unit)
+        == (plain_clip.vertical_axis, plain_clip.unit)
+        == (1, rooted.unit)
+    )
+    assert rooted.unit[1] == size and rooted.height == pytest.approx(plain_clip.height)
     heads = [
         take.upright().positions[:, take.skeleton.names.index(head), 2].mean()
-        for take in (plain, rooted)
+        for take in (plain_clip, rooted)
         for head in take.skeleton.names
         if head.endswith("Head")
     ]
@@ -431,14 +441,18 @@ def test_a_root_that_stays_at_the_origin_is_no_part_of_the_body(tmp_path, conven
 def test_a_bone_from_a_root_on_the_floor_to_the_hips_is_no_part_of_the_body(tmp_path):
     """The hips of somebody who waves stay where they are, which makes a bone of constant length."""
     text = clips.clip("wave", "lafan1")
-    plain = fan.theatre.load_bvh(written(tmp_path, text))
-    hips = plain.positions[0, 0]
+    plain_clip = fan.theatre.load_bvh(write_clip(tmp_path, text))
+    hips = plain_clip.positions[0, 0]
     before, after = with_fixed_root(text, (0.0, 0.0, 0.0)).split("JOINT Hips", 1)
     assert "OFFSET 0.00000 0.00000 0.00000" in after[:50]
     at = f"OFFSET {hips[0]} {hips[1]} {hips[2]}"
     text = before + "JOINT Hips" + after.replace("OFFSET 0.00000 0.00000 0.00000", at, 1)
-    rooted = fan.theatre.load_bvh(written(tmp_path, text))
-    assert (rooted.up, rooted.unit, rooted.height) == (1, ("cm", 0.01), plain.height)
+    rooted = fan.theatre.load_bvh(write_clip(tmp_path, text))
+    assert (rooted.vertical_axis, rooted.unit, rooted.height) == (
+        1,
+        ("cm", 0.01),
+        plain_clip.height,
+    )
 
 
 def turned(take: fan.theatre.Capture, turn: Rotation) -> fan.theatre.Capture:
@@ -451,22 +465,22 @@ def turned(take: fan.theatre.Capture, turn: Rotation) -> fan.theatre.Capture:
 
 def test_up_is_that_of_the_rest_pose_while_a_person_crawls(tmp_path):
     """A person who sits in the air and leans forward by 90 degrees is on hands and knees."""
-    take = fan.theatre.load_bvh(written(tmp_path, clips.clip("sit", "mixamo")))
+    take = fan.theatre.load_bvh(write_clip(tmp_path, clips.clip("sit", "mixamo")))
     sits = slice(int(0.45 * len(take.t)), int(0.55 * len(take.t)))
     take = dataclasses.replace(
         take, t=take.t[sits], positions=take.positions[sits], rotations=take.rotations[sits]
     )
     for heading in (0.0, 90.0, 180.0, 30.0):
         crawls = turned(take, Rotation.from_euler("xy", [90.0, heading], degrees=True))
-        assert crawls.up == 1 and crawls.unit == ("cm", 0.01), heading
+        assert crawls.vertical_axis == 1 and crawls.unit == ("cm", 0.01), heading
         heights = np.ptp(crawls.upright().positions[..., 2], axis=1)
         assert np.all(heights < 1.3), heading
 
 
 def test_up_is_the_axis_along_which_a_person_stands_in_a_file_with_a_turned_root(tmp_path):
-    take = fan.theatre.load_bvh(written(tmp_path, clips.clip("walk", "mixamo")))
+    take = fan.theatre.load_bvh(write_clip(tmp_path, clips.clip("walk", "mixamo")))
     stands = turned(take, Rotation.from_euler("x", 90.0, degrees=True))
-    assert stands.up == 2 and stands.unit == ("cm", 0.01)
+    assert stands.vertical_axis == 2 and stands.unit == ("cm", 0.01)
     # A person who lies all the time looks the same: it is said, unless the vertical was given.
     (note,) = stands.upright().notes
     assert "standing along z" in note and "--up y" in note
@@ -476,8 +490,8 @@ def test_up_is_the_axis_along_which_a_person_stands_in_a_file_with_a_turned_root
 @pytest.mark.parametrize("axes", [[2, 0, 1], [0, 2, 1], [2, 1, 0]])
 def test_arms_spread_in_the_rest_pose_are_not_its_height(tmp_path, axes):
     """This holds for either facing direction, and with y or z up."""
-    take = fan.theatre.load_bvh(written(tmp_path, clips.clip("wave", "mixamo")))
+    take = fan.theatre.load_bvh(write_clip(tmp_path, clips.clip("wave", "mixamo")))
     skeleton = dataclasses.replace(take.skeleton, offsets=take.skeleton.offsets[:, axes])
     other = dataclasses.replace(take, skeleton=skeleton, positions=take.positions[..., axes])
-    assert "xyz"[other.up] == "xyz"[axes.index(1)]
+    assert "xyz"[other.vertical_axis] == "xyz"[axes.index(1)]
     assert other.height == pytest.approx(take.height)

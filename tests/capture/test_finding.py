@@ -17,7 +17,7 @@ from fantoccini.theatre.retarget.finding import guess_joints
 from fantoccini.theatre.retarget.mapping import PARTS
 
 
-def names_of(skeleton: Skeleton, joints: dict[str, int]) -> dict[str, str]:
+def names_of_joints(skeleton: Skeleton, joints: dict[str, int]) -> dict[str, str]:
     return {part: skeleton.names[joint] for part, joint in joints.items()}
 
 
@@ -28,7 +28,7 @@ def test_joints_of_each_convention_are_found_by_shape_without_doubts(convention,
     rows = CONVENTIONS[convention]
     skeleton = skeleton_of(rows, pose, up)
     guess = guess_joints(skeleton)
-    assert names_of(skeleton, guess.joints) == rows.joints()
+    assert names_of_joints(skeleton, guess.joints) == rows.joints()
     assert guess.doubts == ()
     assert set(guess.joints) == set(PARTS)
 
@@ -38,7 +38,7 @@ def test_joints_are_recognised_under_any_prefix(convention):
     rows = replace(CONVENTIONS[convention], prefix="Armature1_")
     skeleton = skeleton_of(rows)
     joints = recognise(skeleton).mapping.find(skeleton)
-    assert names_of(skeleton, joints) == rows.joints()
+    assert names_of_joints(skeleton, joints) == rows.joints()
 
 
 def test_a_prefix_is_no_reason_to_search_by_shape():
@@ -59,12 +59,12 @@ def test_without_names_the_toes_distinguish_left_and_right(convention, pose):
     named = skeleton_of(CONVENTIONS[convention], pose, "z")
     guess = guess_joints(anonymous(named))
     expected = CONVENTIONS[convention].joints()
-    joints = names_of(named, guess.joints)
+    joints = names_of_joints(named, guess.joints)
     joints["head"] = expected["head"]  # any joint of the head turns with it
     assert joints == expected
 
 
-def without(skeleton: Skeleton, *words: str) -> Skeleton:
+def without_joints(skeleton: Skeleton, *words: str) -> Skeleton:
     """A skeleton without joints of these words, and those below them."""
     joints, index = [], {-1: -1}
     for i, (name, parent) in enumerate(zip(skeleton.names, skeleton.parents, strict=True)):
@@ -79,9 +79,9 @@ def without(skeleton: Skeleton, *words: str) -> Skeleton:
 
 
 def test_without_names_and_toes_nothing_distinguishes_left_and_right():
-    footless = without(skeleton_of(CONVENTIONS["bandai"]), "Toes")
+    footless = without_joints(skeleton_of(CONVENTIONS["bandai"]), "Toes")
     with pytest.raises(StateError, match="neither the joints' names nor toes"):
-        guess_joints(without(anonymous(footless), ".end"))
+        guess_joints(without_joints(anonymous(footless), ".end"))
 
 
 def test_a_joint_that_is_called_as_another_part_is_a_doubt():
@@ -98,7 +98,7 @@ def test_sides_that_contradict_the_toes_are_a_doubt():
     skeleton = skeleton_of(CONVENTIONS["bandai"])
     mirrored = Skeleton(skeleton.names, skeleton.parents, skeleton.offsets * [-1.0, 1.0, 1.0])
     guess = guess_joints(mirrored)
-    assert names_of(skeleton, guess.joints) == CONVENTIONS["bandai"].joints()
+    assert names_of_joints(skeleton, guess.joints) == CONVENTIONS["bandai"].joints()
     assert [str(doubt) for doubt in guess.doubts] == [
         "the toes point backwards if the names of the sides are right"
     ]
@@ -113,7 +113,7 @@ def test_joints_of_a_rest_pose_along_the_bones_axes_are_found(legs):
     limbs = [i for i, name in enumerate(named.names) if name.startswith(("Lower", "Foot", "Hand"))]
     folded[limbs] = lengths[limbs, None] * np.array(legs)
     skeleton = Skeleton(anonymous(named).names, named.parents, folded)
-    joints = names_of(named, guess_joints(skeleton, named.rest[None]).joints)
+    joints = names_of_joints(named, guess_joints(skeleton, named.rest[None]).joints)
     assert joints | {"head": "Head"} == CONVENTIONS["bandai"].joints()
 
 
@@ -121,7 +121,7 @@ def test_lengths_of_joints_with_position_channels_are_those_of_the_clip():
     named = skeleton_of(CONVENTIONS["bandai"])
     skeleton = Skeleton(named.names, named.parents, np.zeros_like(named.offsets))
     guess = guess_joints(skeleton, named.rest[None])
-    assert names_of(named, guess.joints) == CONVENTIONS["bandai"].joints()
+    assert names_of_joints(named, guess.joints) == CONVENTIONS["bandai"].joints()
 
 
 DOG = {
@@ -146,7 +146,7 @@ for _side, _y in (("Left", 0.1), ("Right", -0.1)):
     }
 
 
-def dog() -> Skeleton:
+def dog_skeleton() -> Skeleton:
     names = tuple(DOG)
     parents = tuple(names.index(parent) if parent else -1 for parent, _ in DOG.values())
     places = np.array([place for _, place in DOG.values()], dtype=float)
@@ -157,7 +157,7 @@ def dog() -> Skeleton:
 
 def test_animals_are_refused():
     with pytest.raises(FileError, match="stands on four legs, as an animal"):
-        recognise(anonymous(dog()), "dog.bvh")
+        recognise(anonymous(dog_skeleton()), "dog.bvh")
     assert len(guess_joints(skeleton_of(CONVENTIONS["vrm"], "down")).joints) == len(PARTS)
 
 
@@ -186,7 +186,7 @@ def test_a_collar_bone_longer_than_a_forearm_is_none():
         assert np.linalg.norm(offsets[arm]) > np.linalg.norm(offsets[forearm])
     for skeleton in (named, anonymous(named)):
         longer = Skeleton(skeleton.names, skeleton.parents, offsets)
-        joints = names_of(named, guess_joints(longer).joints)
+        joints = names_of_joints(named, guess_joints(longer).joints)
         assert joints | {"head": "Head"} == CONVENTIONS["bandai"].joints()
 
 
@@ -218,7 +218,7 @@ def test_the_error_names_the_reason_and_the_command():
         recognise(skeleton)
 
 
-def captured(skeleton: Skeleton) -> Capture:
+def capture_of(skeleton: Skeleton) -> Capture:
     rest = skeleton.rest[None]
     turns = np.tile(np.eye(3), (1, len(skeleton.names), 1, 1))
     return Capture(skeleton, np.zeros(1), rest, turns, "clip")
@@ -227,10 +227,10 @@ def captured(skeleton: Skeleton) -> Capture:
 @pytest.mark.parametrize("convention", CONVENTIONS)
 def test_a_draft_is_a_mapping_file_of_the_joints_that_are_found(convention, tmp_path):
     skeleton = skeleton_of(CONVENTIONS[convention])
-    text = draft_mapping(captured(skeleton))
+    text = draft_mapping(capture_of(skeleton))
     (tmp_path / "mine.yaml").write_text(text)
     joints = load_mapping(tmp_path / "mine.yaml").find(skeleton)
-    assert names_of(skeleton, joints) == CONVENTIONS[convention].joints()
+    assert names_of_joints(skeleton, joints) == CONVENTIONS[convention].joints()
     listed = [line.removeprefix("#").strip() for line in text.splitlines() if line[:2] == "# "]
     assert set(skeleton.names) <= set(listed)
 
@@ -240,14 +240,16 @@ def test_a_draft_has_its_doubts_beside_the_joints():
     names = tuple(
         name.replace("L_Hip", "L_Knie").replace("L_Knee", "L_Thigh") for name in skeleton.names
     )
-    text = draft_mapping(captured(Skeleton(names, skeleton.parents, skeleton.offsets * [-1, 1, 1])))
+    text = draft_mapping(
+        capture_of(Skeleton(names, skeleton.parents, skeleton.offsets * [-1, 1, 1]))
+    )
     assert "# Doubtful: the toes point backwards" in text
     (line,) = [line for line in text.splitlines() if line.startswith("  knee_left:")]
     assert line.startswith("  knee_left: L_Thigh  ") and "# 'L_Thigh' is the name of" in line
 
 
 def test_a_draft_of_no_person_is_to_be_filled_in(tmp_path):
-    text = draft_mapping(captured(anonymous(dog())))
+    text = draft_mapping(capture_of(anonymous(dog_skeleton())))
     assert "  head:" in text and text.count("# which joint?") == len(PARTS)
     assert "#           b4" in text
     (tmp_path / "mine.yaml").write_text(text)
@@ -268,7 +270,7 @@ def puppet_with_other_names() -> fan.Marionette:
 
 
 def test_a_draft_names_the_bodies_of_a_puppet_with_other_names(marionette, tmp_path):
-    clip = captured(skeleton_of(CONVENTIONS["bandai"]))
+    clip = capture_of(skeleton_of(CONVENTIONS["bandai"]))
     assert "puppet:" not in draft_mapping(clip, marionette)
     (tmp_path / "mine.yaml").write_text(draft_mapping(clip, puppet_with_other_names()))
     bodies = load_mapping(tmp_path / "mine.yaml").puppet
@@ -284,8 +286,8 @@ def test_a_draft_names_the_bodies_of_a_puppet_with_other_names(marionette, tmp_p
 @pytest.mark.medium
 def test_the_command_writes_a_mapping_file(tmp_path):
     out = tmp_path / "mine.yaml"
-    done = fantoccini("mapping", "jumps", "marionette", "--out", out)
-    assert done.exit_code == 0, done.stderr
+    result = fantoccini("mapping", "jumps", "marionette", "--out", out)
+    assert result.exit_code == 0, result.stderr
     assert load_mapping(out).joints["elbow_left"] == "LeftForeArm"
     printed = fantoccini("mapping", "jumps", "--quiet")
     assert printed.stdout == out.read_text()
@@ -309,17 +311,17 @@ def test_our_own_bvh_export_comes_back(marionette, tmp_path):
     placed = place_clip(marionette, path)
     assert any("Found by shape" in note for note in placed.clip.notes)
     assert not any("doubtful" in note for note in placed.clip.notes)
-    places = placed.places
-    again = run.resample(placed.clip.t - placed.clip.t[0] + run.t[0])
-    poses = marionette.poses(again.q_D, again.q_K)
+    targets = placed.targets
+    samples = run.resample(placed.clip.t - placed.clip.t[0] + run.t[0])
+    poses = marionette.poses(samples.q_D, samples.q_K)
     for part, (body, at) in placed.figure.points.items():
         if part == "head":
             continue
-        own = point_in(marionette, poses, (body, at)) - point_in(
+        from_trunk = point_in(marionette, poses, (body, at)) - point_in(
             marionette, poses, placed.figure.points["trunk"]
         )
-        off = places.parts[part] - places.parts["trunk"] - own
-        assert np.max(np.linalg.norm(off, axis=1)) < 0.02, part
+        errors = targets.parts[part] - targets.parts["trunk"] - from_trunk
+        assert np.max(np.linalg.norm(errors, axis=1)) < 0.02, part
 
 
 def point_in(marionette: fan.Marionette, poses: np.ndarray, point) -> np.ndarray:

@@ -11,8 +11,8 @@ from scipy.ndimage import gaussian_filter1d
 
 import fantoccini as fan
 from fantoccini.theatre.retarget import figure_of, retarget_clip
-from fantoccini.theatre.retarget.following import ACCELERATION, SPEED
-from fantoccini.theatre.retarget.retargeting import places_in, tied_strings
+from fantoccini.theatre.retarget.following import MAX_ACCELERATION, MAX_SPEED
+from fantoccini.theatre.retarget.retargeting import part_positions, tied_strings
 
 pytestmark = pytest.mark.medium
 
@@ -75,7 +75,7 @@ def test_feed_forward_takes_a_third_of_a_hands_swing_out(marionette):
         for path in (y, swing.lead(name, y, np.full_like(y, x0[string.length]), DT)):
             inputs = fan.Input.samples(marionette, t, {name: x0[name] + path})
             run = fan.simulate(marionette, x0, inputs, effort=False).resample(t)
-            hand = places_in(figure, marionette.poses(run.q_D, run.q_K))["hand_left"] @ axis
+            hand = part_positions(figure, marionette.poses(run.q_D, run.q_K))["hand_left"] @ axis
             swung.append(np.ptp(hand[t > 0.7]))
         assert swung[1] < 0.7 * swung[0], name
 
@@ -84,7 +84,7 @@ def test_feed_forward_takes_a_third_of_a_hands_swing_out(marionette):
 @pytest.mark.slow
 def test_inputs_keep_their_bounds(conduct, feed_forward):
     speed, acceleration = 0.8, 10.0
-    for bounds in ((SPEED, ACCELERATION), (speed, acceleration)):
+    for bounds in ((MAX_SPEED, MAX_ACCELERATION), (speed, acceleration)):
         baseline = kinematic_inputs(conduct, feed_forward, speed=bounds[0], acceleration=bounds[1])
         times = np.linspace(baseline.inputs.start, baseline.inputs.end, 4000)
         _, v, acc = baseline.inputs.evaluate(times)

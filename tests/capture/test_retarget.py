@@ -20,10 +20,15 @@ from fantoccini.theatre.retarget import (
     mapping_names,
     retargeting,
 )
-from fantoccini.theatre.retarget.deviations import GROUPS, losses_of, lost_share
-from fantoccini.theatre.retarget.following import ACCELERATION, SPEED, FollowStatus, eased
+from fantoccini.theatre.retarget.deviations import PART_GROUPS, find_losses, lost_share
+from fantoccini.theatre.retarget.following import (
+    MAX_ACCELERATION,
+    MAX_SPEED,
+    FollowStatus,
+    eased_times,
+)
 from fantoccini.theatre.retarget.mapping import PARTS, joints_of
-from fantoccini.theatre.retarget.placing import place
+from fantoccini.theatre.retarget.placing import part_targets
 
 pytestmark = [pytest.mark.medium, pytest.mark.long]
 
@@ -63,13 +68,13 @@ STANDS = np.array(
 )
 
 
-def clip(folder: Path, convention: str, name: str) -> Path:
+def write_clip(folder: Path, convention: str, name: str) -> Path:
     """Path of one of the project's own clips."""
     (folder / convention).mkdir()
     return next(path for path in write(folder / convention, convention) if path.stem == name)
 
 
-def captured(positions: np.ndarray, head: np.ndarray | None = None) -> Capture:
+def capture_of(positions: np.ndarray, head: np.ndarray | None = None) -> Capture:
     """A clip of joints at places (T, 14, 3), with the head's orientations (T, 3, 3)."""
     n = len(positions)
     rotations = np.broadcast_to(np.eye(3), (n, len(NAMES), 3, 3)).copy()
@@ -79,16 +84,16 @@ def captured(positions: np.ndarray, head: np.ndarray | None = None) -> Capture:
     return Capture(skeleton, np.arange(n) / 30.0, positions, rotations, "made")
 
 
-def placed(marionette: fan.Marionette, clip: Capture, travel: float = 1.0):
+def place_on_puppet(marionette: fan.Marionette, clip: Capture, travel: float = 1.0):
     figure = figure_of(marionette, marionette.rest())
     joints = joints_of(find_mapping(clip.skeleton), clip.skeleton)
-    return figure, place(figure, clip, joints, travel)
+    return figure, part_targets(figure, clip, joints, travel)
 
 
 def test_the_bundled_mappings_name_all_parts_of_the_three_conventions(tmp_path):
     assert mapping_names() == ("biovision", "makehuman", "motionbuilder", "poser")
     for convention in ("cmu", "mixamo", "lafan1"):
-        path = clip(tmp_path, convention, "wave")
+        path = write_clip(tmp_path, convention, "wave")
         skeleton = fan.theatre.load_bvh(path).skeleton
         joints = joints_of(find_mapping(skeleton), skeleton)
         assert set(joints) == set(PARTS)
@@ -140,19 +145,21 @@ def test_joints_that_a_skeleton_does_not_have_are_named(tmp_path):
 
 def test_a_person_who_stands_straight_is_a_puppet_that_stands_straight(marionette):
     """Every part hangs below its parent at the puppet's own lengths, in closed form."""
-    figure, places = placed(marionette, captured(STANDS[None]))
-    x = {part: value[0] for part, value in places.parts.items()}
-    np.testing.assert_allclose(places.scale, figure.leg / 0.9, rtol=1e-12)
+    figure, places = place_on_puppet(marionette, capture_of(STANDS[None]))
+    positions = {part: value[0] for part, value in places.parts.items()}
+    np.testing.assert_allclose(places.scale, figure.leg_length / 0.9, rtol=1e-12)
     for side, y in (("left", 1.0), ("right", -1.0)):
-        np.testing.assert_allclose(x[f"hip_{side}"] - x["trunk"], [0, 0.033 * y, 0], atol=1e-12)
-        down = x[f"knee_{side}"] - x[f"hip_{side}"]
+        np.testing.assert_allclose(
+            positions[f"hip_{side}"] - positions["trunk"], [0, 0.033 * y, 0], atol=1e-12
+        )
+        down = positions[f"knee_{side}"] - positions[f"hip_{side}"]
         np.testing.assert_allclose(down, [0, 0, -0.125], atol=1e-12)
-        arm = x[f"elbow_{side}"] - x[f"shoulder_{side}"]
+        arm = positions[f"elbow_{side}"] - positions[f"shoulder_{side}"]
         np.testing.assert_allclose(arm, [0, 0, -0.1], atol=1e-12)
-    np.testing.assert_allclose(x["head"] - x["neck"], [0, 0, 0.137], atol=1e-12)
-    feet = min(figure.places[f"foot_{side}"][2] for side in ("left", "right"))
+    np.testing.assert_allclose(positions["head"] - positions["neck"], [0, 0, 0.137], atol=1e-12)
+    feet = min(figure.positions[f"foot_{side}"][2] for side in ("left", "right"))
     straight = 0.03 * (0.125 + 0.126)  # limbs are stretched to 97 per cent
-    np.testing.assert_allclose(x["foot_left"][2], feet + straight, atol=1e-9)
+    np.testing.assert_allclose(positions["foot_left"][2], feet + straight, atol=1e-9)
 
 
 def test_a_clip_turned_and_moved_is_the_same_clip(marionette):
@@ -162,136 +169,146 @@ def test_a_clip_turned_and_moved_is_the_same_clip(marionette):
     moving = moving + 0.02 * rng.normal(size=(20, len(NAMES), 3))
     turn = Rotation.from_euler("z", 100, degrees=True).as_matrix()
     head = Rotation.random(20, random_state=0).as_matrix()
-    _, places = placed(marionette, captured(moving, head))
+    _, places = place_on_puppet(marionette, capture_of(moving, head))
     shifted = moving @ turn.T + [3.0, -2.0, 0.4]
-    _, two = placed(marionette, captured(shifted, turn @ head))
+    _, shifted_targets = place_on_puppet(marionette, capture_of(shifted, turn @ head))
     for part, path in places.parts.items():
-        np.testing.assert_allclose(two.parts[part], path, atol=1e-9)
-    _, still = placed(marionette, captured(moving, head), travel=0.0)
-    first = places.parts["trunk"][:1, :2].repeat(20, axis=0)
-    np.testing.assert_allclose(still.parts["trunk"][:, :2], first, atol=1e-12)
+        np.testing.assert_allclose(shifted_targets.parts[part], path, atol=1e-9)
+    _, targets_on_spot = place_on_puppet(marionette, capture_of(moving, head), travel=0.0)
+    start = places.parts["trunk"][:1, :2].repeat(20, axis=0)
+    np.testing.assert_allclose(targets_on_spot.parts["trunk"][:, :2], start, atol=1e-12)
 
 
 def test_lengths_are_the_puppets_and_directions_the_persons(marionette):
     bent = np.repeat(STANDS[None], 2, axis=0)
     bent[1, NAMES.index("LeftForeArm")] = [0.3, 0.2, 1.45]  # the upper arm points forward
     bent[1, NAMES.index("LeftHand")] = [0.3, 0.2, 1.7]  # and the forearm up
-    _, places = placed(marionette, captured(bent))
-    x = {part: value[1] for part, value in places.parts.items()}
-    np.testing.assert_allclose(x["elbow_left"] - x["shoulder_left"], [0.1, 0, 0], atol=1e-12)
-    hand = x["hand_left"] - x["elbow_left"]
+    _, places = place_on_puppet(marionette, capture_of(bent))
+    positions = {part: value[1] for part, value in places.parts.items()}
+    np.testing.assert_allclose(
+        positions["elbow_left"] - positions["shoulder_left"], [0.1, 0, 0], atol=1e-12
+    )
+    hand = positions["hand_left"] - positions["elbow_left"]
     np.testing.assert_allclose(hand, [0, 0, 0.09], atol=1e-12)
 
 
 def test_hanging_poses_hang_and_miss_the_clip_by_no_more_than_stated(marionette, tmp_path):
-    path = clip(tmp_path, "lafan1", "wave")
-    follow = fan.theatre.retarget_clip(marionette, path)
-    assert len(follow.t) == len(follow.reach) == fan.theatre.load_bvh(path).positions.shape[0]
-    for i in range(0, len(follow.t), 30):
-        state = follow.reach[i].state
+    path = write_clip(tmp_path, "lafan1", "wave")
+    retargeted = fan.theatre.retarget_clip(marionette, path)
+    assert (
+        len(retargeted.t)
+        == len(retargeted.hanging_poses)
+        == fan.theatre.load_bvh(path).positions.shape[0]
+    )
+    for i in range(0, len(retargeted.t), 30):
+        state = retargeted.hanging_poses[i].state
         force = marionette.forward_dynamics(state)
         assert np.max(np.abs(force.acc_D)) < 1e-3
     # Place of the point according to the body's pose.
-    pose = marionette.pose(follow.reach[40].state, "forearm_right")
+    pose = marionette.pose(retargeted.hanging_poses[40].state, "forearm_right")
     hand = pose[:3, 3] + pose[:3, :3] @ [0.0, 0.0, -0.09]
-    np.testing.assert_allclose(follow.hanging_positions["hand_right"][40], hand, atol=1e-9)
-    off = np.linalg.norm(hand - follow.places.parts["hand_right"][40])
-    assert follow.errors["hand_right"][40] == pytest.approx(off, abs=1e-9)
+    np.testing.assert_allclose(retargeted.hanging_positions["hand_right"][40], hand, atol=1e-9)
+    distance = np.linalg.norm(hand - retargeted.targets.parts["hand_right"][40])
+    assert retargeted.errors["hand_right"][40] == pytest.approx(distance, abs=1e-9)
     # Up to 8 cm of 56 are beyond the strings' reach where an arm points to the side; the head is
     # not.
-    assert np.max(follow.errors["head"]) < 0.02 * follow.figure.height
-    assert follow.settled > 0.25 * len(follow.t)
+    assert np.max(retargeted.errors["head"]) < 0.02 * retargeted.figure.height
+    assert retargeted.settled > 0.25 * len(retargeted.t)
 
 
 def test_more_steps_do_not_worsen_a_path(marionette, monkeypatch):
     """Steps along a path alone may diverge: they are undone where they do."""
     costs = []
     for iterations in (10, 100):
-        monkeypatch.setattr(retargeting, "ITERATIONS", iterations)
+        monkeypatch.setattr(retargeting, "MAX_ITERATIONS", iterations)
         retargeted = fan.theatre.retarget_clip(marionette, "walk_up")
         costs.append(sum(np.mean(np.square(e)) for e in retargeted.errors.values()))
         for i in range(0, len(retargeted.t), 7):
-            force = marionette.forward_dynamics(retargeted.reach[i].state)
+            force = marionette.forward_dynamics(retargeted.hanging_poses[i].state)
             assert np.max(np.abs(force.acc_D)) < 1e-3
     assert costs[1] < 1.2 * costs[0]
 
 
 @pytest.mark.slow
 def test_a_waving_person_is_followed_within_the_bounds(marionette, tmp_path):
-    path = clip(tmp_path, "cmu", "wave")
-    done = []
-    follow = fan.theatre.follow_clip(marionette, path, progress=lambda at: done.append(at.share))
-    assert follow and follow.run.t[-1] > follow.t[-1]
-    assert np.max(np.abs(follow.run.v_K)) <= SPEED * (1 + 1e-9)
-    assert np.max(np.abs(follow.acc_K)) <= ACCELERATION * (1 + 1e-9)
-    assert done[-1] == 1.0 and done == sorted(done)
-    errors = {part.name: part for part in follow.report}
-    assert set(errors) == set(GROUPS)
+    path = write_clip(tmp_path, "cmu", "wave")
+    shares = []
+    followed = fan.theatre.follow_clip(
+        marionette, path, progress=lambda step: shares.append(step.share)
+    )
+    assert followed and followed.run.t[-1] > followed.t[-1]
+    assert np.max(np.abs(followed.run.v_K)) <= MAX_SPEED * (1 + 1e-9)
+    assert np.max(np.abs(followed.acc_K)) <= MAX_ACCELERATION * (1 + 1e-9)
+    assert shares[-1] == 1.0 and shares == sorted(shares)
+    errors = {part.name: part for part in followed.report}
+    assert set(errors) == set(PART_GROUPS)
     assert errors["hands"].excess < 0.02 and errors["head"].excess < 0.02
-    lines = follow.guides(np.array([0.0, 1.0]))
+    lines = followed.guides(np.array([0.0, 1.0]))
     assert [line.shape for line in lines] == [(2, 3, 3), (2, 4, 3), (2, 4, 3), (2, 4, 3), (2, 4, 3)]
-    again = fan.simulate(marionette, follow.run.state(0), follow.inputs, effort=False)
-    np.testing.assert_array_equal(again.q_D[-1], follow.run.q_D[-1])
+    replay = fan.simulate(marionette, followed.run.state(0), followed.inputs, effort=False)
+    np.testing.assert_array_equal(replay.q_D[-1], followed.run.q_D[-1])
 
 
 @pytest.mark.slow
 def test_slow_hands_follow_worse_and_keep_their_bounds(marionette, tmp_path):
-    path = clip(tmp_path, "mixamo", "wave")
-    follow = fan.theatre.follow_clip(marionette, path, speed=0.2, acceleration=2.0)
-    assert np.max(np.abs(follow.run.v_K)) <= 0.2 * (1 + 1e-9)
-    assert np.max(np.abs(follow.acc_K)) <= 2.0 * (1 + 1e-9)
-    assert {part.name: part.excess for part in follow.report}["hands"] > 0.02
+    path = write_clip(tmp_path, "mixamo", "wave")
+    followed = fan.theatre.follow_clip(marionette, path, speed=0.2, acceleration=2.0)
+    assert np.max(np.abs(followed.run.v_K)) <= 0.2 * (1 + 1e-9)
+    assert np.max(np.abs(followed.acc_K)) <= 2.0 * (1 + 1e-9)
+    assert {part.name: part.excess for part in followed.report}["hands"] > 0.02
 
 
 @pytest.mark.slow
 def test_a_run_that_begins_later_follows_as_well(marionette, tmp_path):
-    path = clip(tmp_path, "lafan1", "wave")
-    begun = fan.theatre.retarget_clip(marionette, path, start=marionette.rest().replace(t=5.0))
-    follow = fan.theatre.follow_clip(marionette, begun)
-    assert follow.run.t[0] == 5.0 == follow.t[0]
-    assert all(part.excess < 0.02 for part in follow.report)
-    speeds = np.abs(follow.run.v_K[-1])
+    path = write_clip(tmp_path, "lafan1", "wave")
+    retargeted = fan.theatre.retarget_clip(marionette, path, start=marionette.rest().replace(t=5.0))
+    followed = fan.theatre.follow_clip(marionette, retargeted)
+    assert followed.run.t[0] == 5.0 == followed.t[0]
+    assert all(part.excess < 0.02 for part in followed.report)
+    speeds = np.abs(followed.run.v_K[-1])
     assert np.max(speeds) < 1e-9, "the hands are at rest in the end"
     with pytest.raises(StateError, match="has its mapping, start, travel, up and of already"):
-        fan.theatre.follow_clip(marionette, begun, travel=0.5)
+        fan.theatre.follow_clip(marionette, retargeted, travel=0.5)
 
 
 def test_an_interrupted_run_is_reported(marionette, tmp_path, monkeypatch):
     """A loop ends where a string stops it, and fails even if its inputs continue."""
-    path = clip(tmp_path, "lafan1", "wave")
+    path = write_clip(tmp_path, "lafan1", "wave")
     from fantoccini.dynamics.steppers import Stepper
 
     advance = Stepper.advance
 
-    def stops(self, *arguments, **more):
-        advanced = advance(self, *arguments, **more)
+    def advance_until_one_second(self, *arguments, **options):
+        advanced = advance(self, *arguments, **options)
         if self.state.t > 1.0:
             monkeypatch.setattr(Stepper, "arrived", property(lambda self: False))
         return advanced
 
-    monkeypatch.setattr(Stepper, "advance", stops)
-    follow = fan.theatre.follow_clip(marionette, path)
-    assert follow.status is FollowStatus.STOPPED and not follow
-    assert len(follow.acc_K) in (20, 21) and follow.run.t[-1] < 1.1
+    monkeypatch.setattr(Stepper, "advance", advance_until_one_second)
+    followed = fan.theatre.follow_clip(marionette, path)
+    assert followed.status is FollowStatus.STOPPED and not followed
+    assert len(followed.acc_K) in (20, 21) and followed.run.t[-1] < 1.1
 
 
 def test_a_run_far_from_its_clip_does_not_follow(marionette, monkeypatch):
     """Hands at rest leave the puppet behind; smaller shares of the bounds are tried."""
     bounds = []
 
-    def still(puppet, x0, until, tracks, speed, acceleration, progress):
+    def resting_hands(puppet, x0, until, tracks, speed, acceleration, progress):
         bounds.append((speed["hand_left.x"], acceleration["head.length"]))
         return np.zeros((int(np.ceil(until / 0.05)) + 1, puppet.coordinates.n_vK)), True
 
-    monkeypatch.setattr("fantoccini.theatre.retarget.following.lead_along", still)
-    hung = fan.theatre.retarget_clip(marionette, "walk_up")
-    lost = fan.theatre.follow_clip(marionette, hung, speed=1.0, acceleration={"head.length": 4.0})
-    assert lost.status is FollowStatus.DIVERGED and not lost
-    assert lost.error > 0.15 > lost.pose_error
+    monkeypatch.setattr("fantoccini.theatre.retarget.following.follow_tracks", resting_hands)
+    retargeted = fan.theatre.retarget_clip(marionette, "walk_up")
+    followed = fan.theatre.follow_clip(
+        marionette, retargeted, speed=1.0, acceleration={"head.length": 4.0}
+    )
+    assert followed.status is FollowStatus.DIVERGED and not followed
+    assert followed.error > 0.15 > followed.pose_error
     assert bounds == [(1.0, 4.0), (0.5, 2.0), (0.25, 1.0)]
-    ran = fantoccini("follow", "walk_up", "marionette", "--quiet")
-    assert ran.exit_code == 1
-    assert "does not follow: the error of its" in ran.stderr and "slower hands" in ran.stderr
+    result = fantoccini("follow", "walk_up", "marionette", "--quiet")
+    assert result.exit_code == 1
+    assert "does not follow: the error of its" in result.stderr and "slower hands" in result.stderr
 
 
 def test_a_part_that_is_lost_for_a_while_is_reported_with_its_time():
@@ -301,13 +318,13 @@ def test_a_part_that_is_lost_for_a_while_is_reported_with_its_time():
     run = {part: error + 0.01 for part, error in hanging.items()}
     run["hand_left"] = np.where((t > 4.0) & (t < 5.5), 0.3, run["hand_left"])
     run["head"] = np.where((t > 7.0) & (t < 7.2), 0.3, run["head"])  # too short
-    (loss,) = losses_of(t, run, hanging, 0.08)
+    (loss,) = find_losses(t, run, hanging, 0.08)
     assert loss.part == "hand_left" and loss.distance == 0.3
     assert (loss.begin, loss.end) == pytest.approx((4.0, 5.5), abs=0.05)
     assert str(loss) == "hand_left is lost from t = 4.03 to 5.47 s, up to 300 mm from the clip"
     assert lost_share((loss,), 10.0) == pytest.approx(0.144, abs=0.01)
     run["hand_left"] = np.where(t > 4.0, 0.3, 0.05)  # until the end
-    assert lost_share(losses_of(t, run, hanging, 0.08), 10.0) == pytest.approx(0.6, abs=0.01)
+    assert lost_share(find_losses(t, run, hanging, 0.08), 10.0) == pytest.approx(0.6, abs=0.01)
 
 
 @pytest.mark.slow
@@ -315,7 +332,7 @@ def test_a_limb_that_is_lost_for_a_third_of_the_clip_does_not_follow(marionette,
     """One hand off by 20 % of the height for a third of the time is 8 % of both hands' mean."""
     from fantoccini.theatre.retarget import following
 
-    measured = following.errors_of
+    measured = following.part_errors
 
     def one_hand_off(retargeted, run, t):
         errors = measured(retargeted, run, t)
@@ -324,8 +341,8 @@ def test_a_limb_that_is_lost_for_a_third_of_the_clip_does_not_follow(marionette,
         return errors | {"hand_left": np.where(third, distant, errors["hand_left"])}
 
     hung = fan.theatre.retarget_clip(marionette, "walk_up")
-    monkeypatch.setattr(following, "errors_of", one_hand_off)
-    monkeypatch.setattr(following, "BOUND_FACTORS", ())
+    monkeypatch.setattr(following, "part_errors", one_hand_off)
+    monkeypatch.setattr(following, "REDUCED_BOUND_FACTORS", ())
     lost = fan.theatre.follow_clip(marionette, hung)
     assert lost.status is FollowStatus.DIVERGED and lost.error < 0.15
     assert [loss.part for loss in lost.losses] == ["hand_left"]
@@ -335,26 +352,26 @@ def test_a_limb_that_is_lost_for_a_third_of_the_clip_does_not_follow(marionette,
 def test_strings_that_pass_through_one_another_are_counted_and_avoided_where_leaning_helps(
     marionette,
 ):
-    upright = fan.theatre.follow_clip(marionette, fan.theatre.retarget_clip(marionette, "walk_up"))
+    vertical = fan.theatre.follow_clip(marionette, fan.theatre.retarget_clip(marionette, "walk_up"))
     followed = fan.theatre.follow_clip(marionette, "walk_up")
-    assert followed and len(followed.crossings) < len(upright.crossings)
+    assert followed and len(followed.crossings) < len(vertical.crossings)
 
 
 def test_a_clip_of_a_crawling_person_has_a_remark(marionette):
     """A clip of a person lying down cannot be told from one with the wrong vertical axis."""
     stands = np.repeat(STANDS[None], 3, axis=0)
-    assert fan.theatre.retarget_clip(marionette, captured(stands)).remarks == ()
+    assert fan.theatre.retarget_clip(marionette, capture_of(stands)).remarks == ()
     lies = fan.theatre.retarget_clip(
-        marionette, captured(stands[..., [0, 2, 1]] * [1, 1, -1]), up="z"
+        marionette, capture_of(stands[..., [0, 2, 1]] * [1, 1, -1]), up="z"
     )
     (remark,) = lies.remarks
     assert "the trunk is 90 degrees off the vertical" in remark
 
 
 def test_a_single_pose_is_held(marionette):
-    retargeted = fan.theatre.retarget_clip(marionette, captured(STANDS[None]))
+    retargeted = fan.theatre.retarget_clip(marionette, capture_of(STANDS[None]))
     assert retargeted.t == pytest.approx([0.0, 1.0])
-    np.testing.assert_allclose(*retargeted.reach.q_K, atol=1e-3)
+    np.testing.assert_allclose(*retargeted.hanging_poses.q_K, atol=1e-3)
 
 
 SCENE = """scene: s
@@ -369,35 +386,37 @@ def test_a_member_of_a_scene_follows(marionette):
     scene = fan.loads(SCENE)
     for of in ("", "anna"):
         retargeted = fan.theatre.retarget_clip(
-            scene, captured(np.repeat(STANDS[None], 2, axis=0)), of=of
+            scene, capture_of(np.repeat(STANDS[None], 2, axis=0)), of=of
         )
         assert retargeted.figure.points["trunk"][0] == "anna.torso"
-        alone = fan.theatre.retarget_clip(marionette, captured(np.repeat(STANDS[None], 2, axis=0)))
+        alone = fan.theatre.retarget_clip(
+            marionette, capture_of(np.repeat(STANDS[None], 2, axis=0))
+        )
         for part, places in alone.hanging_positions.items():
             np.testing.assert_allclose(retargeted.hanging_positions[part], places, atol=2e-3)
     with pytest.raises(fan.errors.UnknownNameError, match="no member of a scene is called 'otta'"):
-        fan.theatre.retarget_clip(scene, captured(STANDS[None]), of="otta")
+        fan.theatre.retarget_clip(scene, capture_of(STANDS[None]), of="otta")
     with pytest.raises(StateError, match=r"has no body 'otto\.torso'"):
-        fan.theatre.retarget_clip(scene, captured(STANDS[None]), of="otto")
+        fan.theatre.retarget_clip(scene, capture_of(STANDS[None]), of="otto")
 
 
 def test_clips_that_show_no_person_are_refused(marionette):
     standing = np.repeat(STANDS[None], 3, axis=0)
-    lost = standing.copy()
-    lost[2, NAMES.index("LeftHand")] = np.nan
+    with_nan = standing.copy()
+    with_nan[2, NAMES.index("LeftHand")] = np.nan
     with pytest.raises(StateError, match="hand_left is nowhere in frame 2"):
-        fan.theatre.retarget_clip(marionette, captured(lost))
-    short = standing.copy()
-    short[:, NAMES.index("LeftHand")] = short[:, NAMES.index("LeftForeArm")]
+        fan.theatre.retarget_clip(marionette, capture_of(with_nan))
+    without_forearm = standing.copy()
+    without_forearm[:, NAMES.index("LeftHand")] = without_forearm[:, NAMES.index("LeftForeArm")]
     with pytest.raises(StateError, match="no length from elbow_left to hand_left"):
-        fan.theatre.retarget_clip(marionette, captured(short))
+        fan.theatre.retarget_clip(marionette, capture_of(without_forearm))
     lying = standing[..., [2, 1, 0]]
     with pytest.raises(StateError, match="trunks point along x"):
-        fan.theatre.retarget_clip(marionette, captured(lying))
+        fan.theatre.retarget_clip(marionette, capture_of(lying))
     with pytest.raises(StateError, match="up is 'x'"):
-        fan.theatre.retarget_clip(marionette, captured(standing), up="x")
+        fan.theatre.retarget_clip(marionette, capture_of(standing), up="x")
     with pytest.raises(StateError, match="follow"):
-        fan.theatre.retarget_clip(fan.puppets.promenade(), captured(standing))
+        fan.theatre.retarget_clip(fan.puppets.promenade(), capture_of(standing))
 
 
 def test_two_people_in_one_file_are_distinguished():
@@ -412,7 +431,7 @@ def test_two_people_in_one_file_are_distinguished():
 
 def test_clip_time_begins_and_ends_at_rest():
     t = np.linspace(0.0, 3.0, 3001)
-    clip_time = eased(t)
+    clip_time = eased_times(t)
     speed = np.gradient(t, clip_time)
     assert clip_time[0] == 0.0 and clip_time[-1] == pytest.approx(3.5)
     assert np.all(np.diff(clip_time) > 0.0) and np.max(speed) < 1.0 + 1e-6
@@ -420,15 +439,15 @@ def test_clip_time_begins_and_ends_at_rest():
     np.testing.assert_allclose(speed[inside], 1.0, atol=1e-6)
     accelerating = (clip_time > 0.1) & (clip_time < 0.4)
     np.testing.assert_allclose(np.gradient(speed, clip_time)[accelerating], 2.0, atol=1e-2)
-    short = eased(np.linspace(0.0, 0.1, 11))
+    short = eased_times(np.linspace(0.0, 0.1, 11))
     assert short[-1] == pytest.approx(0.2) and np.all(np.diff(short) > 0.0)
 
 
 def test_a_calibration_pose_is_left_out():
     moving = STANDS + np.linspace(0.0, 0.1, 30)[:, None, None]
     with_pose = np.concatenate([STANDS[None] + [0.0, 0.0, 5.0], moving])
-    assert len(captured(with_pose).without_calibration().t) == 30
-    assert len(captured(moving).without_calibration().t) == 30
+    assert len(capture_of(with_pose).without_calibration().t) == 30
+    assert len(capture_of(moving).without_calibration().t) == 30
 
 
 def test_puppets_without_a_persons_bodies_are_refused(marionette):
@@ -446,12 +465,12 @@ def test_bundled_clips_come_with_their_notice():
 
 
 def test_the_command_follows_and_writes(tmp_path):
-    path = clip(tmp_path, "lafan1", "bow")
+    path = write_clip(tmp_path, "lafan1", "bow")
     out = ("--out", str(tmp_path / "bow.npz"), "--save", str(tmp_path / "take.npz"))
-    done = fantoccini("follow", str(path), "marionette", *out)
-    assert done.exit_code == 0, done.stderr
-    assert "hands" in done.stdout and "trunk" in done.stdout
+    result = fantoccini("follow", str(path), "marionette", *out)
+    assert result.exit_code == 0, result.stderr
+    assert "hands" in result.stdout and "trunk" in result.stdout
     assert fan.Trajectory.load(tmp_path / "bow.npz").t[-1] > 6.0
     assert fan.theatre.Recording.load(tmp_path / "take.npz").duration > 6.0
-    wrong = fantoccini("follow", str(path), "marionette", "--mapping", "posr")
-    assert wrong.exit_code == 2 and "did you mean 'poser'" in wrong.stderr
+    failed = fantoccini("follow", str(path), "marionette", "--mapping", "posr")
+    assert failed.exit_code == 2 and "did you mean 'poser'" in failed.stderr

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from tests.capture.test_retarget import NAMES, STANDS, captured, clip
+from tests.capture.test_retarget import NAMES, STANDS, capture_of, write_clip
 
 import fantoccini as fan
 from fantoccini.base.errors import StateError
@@ -57,40 +57,42 @@ def twisted(degrees: float) -> Capture:
     upper = [i for i, name in enumerate(NAMES) if "Arm" in name or "Hand" in name or name == "Head"]
     frame[upper] = STANDS[upper] @ turn.T
     head = np.stack([np.eye(3), turn])
-    return captured(np.stack([STANDS, frame]), head)
+    return capture_of(np.stack([STANDS, frame]), head)
 
 
 def test_a_puppet_with_a_waist_has_the_figure_of_one_without(waisted, marionette):
     figure, whole = (figure_of(m, m.rest()) for m in (waisted, marionette))
     assert figure.bodies["hips"] == "pelvis" and "hips" not in whole.bodies
-    assert figure.points["trunk"][0] == "pelvis" and figure.lower is not None
-    for part in whole.places:
-        np.testing.assert_allclose(figure.at(part)[:2], whole.at(part)[:2], atol=1e-12)
-    assert figure.leg == pytest.approx(whole.leg)
+    assert figure.points["trunk"][0] == "pelvis" and figure.lower_trunk is not None
+    for part in whole.positions:
+        np.testing.assert_allclose(
+            figure.local_point(part)[:2], whole.local_point(part)[:2], atol=1e-12
+        )
+    assert figure.leg_length == pytest.approx(whole.leg_length)
     assert figure.height == pytest.approx(whole.height, rel=5e-3)
-    np.testing.assert_allclose(figure.lower.waist, [0, 0, 0], atol=1e-12)
-    np.testing.assert_allclose(figure.lower.waist_in_trunk, [0, 0, -0.03], atol=1e-12)
+    np.testing.assert_allclose(figure.lower_trunk.waist, [0, 0, 0], atol=1e-12)
+    np.testing.assert_allclose(figure.lower_trunk.waist_in_trunk, [0, 0, -0.03], atol=1e-12)
 
 
 def test_shoulders_turn_the_upper_half_of_the_trunk_and_hips_the_lower(waisted):
     placed = place_clip(waisted, twisted(30.0))
-    x = {part: path[1] - path[0] for part, path in placed.places.parts.items()}
+    x = {part: path[1] - path[0] for part, path in placed.targets.parts.items()}
     for part in ("trunk", "hip_left", "hip_right", "knee_left", "foot_right"):
         np.testing.assert_allclose(x[part], 0.0, atol=1e-12, err_msg=part)
     lines = [
-        placed.places.parts["shoulder_left"][k] - placed.places.parts["shoulder_right"][k]
+        placed.targets.parts["shoulder_left"][k] - placed.targets.parts["shoulder_right"][k]
         for k in (0, 1)
     ]
     turned = Rotation.from_euler("z", 30, degrees=True).apply(lines[0])
     np.testing.assert_allclose(lines[1], turned, atol=1e-12)
     for half, degrees in (("trunk", 30.0), ("hips", 0.0)):
-        a, b = placed.places.frames[half][:, :, :3]
+        a, b = placed.targets.frames[half][:, :, :3]
         turn = Rotation.from_matrix(b @ a.T)
         np.testing.assert_allclose(turn.as_rotvec(degrees=True), [0, 0, degrees], atol=1e-9)
     # Both halves meet at the waist.
-    lower = placed.figure.lower
+    lower = placed.figure.lower_trunk
     for point, body in ((lower.waist_in_trunk, "trunk"), (lower.waist, "hips")):
-        frame = placed.places.frames[body]
+        frame = placed.targets.frames[body]
         joints = frame[:, :, :3] @ point + frame[:, :, 3]
         np.testing.assert_allclose(joints[1], joints[0], atol=1e-12)
 
@@ -144,11 +146,11 @@ def test_a_trunk_whose_lower_half_carries_the_upper_one_has_a_waist():
     )
     robot = fan.loads(ROBOT.replace("LIMBS", limbs))
     figure = figure_of(robot, robot.rest())
-    assert figure.bodies["hips"] == "base" and figure.lower is not None
-    np.testing.assert_allclose(figure.lower.waist, [0, 0, 0.06], atol=1e-9)
-    np.testing.assert_allclose(figure.lower.waist_in_trunk, 0.0, atol=1e-9)
-    np.testing.assert_allclose(figure.at("trunk"), [0, 0, -0.03], atol=1e-9)
-    np.testing.assert_allclose(figure.at("shoulder_left"), [0, 0.07, 0.1], atol=1e-9)
+    assert figure.bodies["hips"] == "base" and figure.lower_trunk is not None
+    np.testing.assert_allclose(figure.lower_trunk.waist, [0, 0, 0.06], atol=1e-9)
+    np.testing.assert_allclose(figure.lower_trunk.waist_in_trunk, 0.0, atol=1e-9)
+    np.testing.assert_allclose(figure.local_point("trunk"), [0, 0, -0.03], atol=1e-9)
+    np.testing.assert_allclose(figure.local_point("shoulder_left"), [0, 0.07, 0.1], atol=1e-9)
 
 
 NECK = """
@@ -169,8 +171,8 @@ def test_a_neck_of_two_bodies_is_a_neck():
     text = text.replace("\n  - name: skull\n    parent: torso\n", NECK)
     puppet = fan.loads(text.replace("      at: [0, 0, 0.1]\n", "      at: [0, 0, 0.01]\n"))
     figure = figure_of(puppet, puppet.rest())
-    assert figure.points["neck"][0] == "torso" and figure.lower is None
-    assert figure.at("neck")[2] == pytest.approx(0.1, abs=2e-3)
+    assert figure.points["neck"][0] == "torso" and figure.lower_trunk is None
+    assert figure.local_point("neck")[2] == pytest.approx(0.1, abs=2e-3)
 
 
 def test_parts_that_hang_at_other_parts_are_refused(marionette):
@@ -186,7 +188,7 @@ def test_parts_that_hang_at_other_parts_are_refused(marionette):
 
 @pytest.mark.slow
 def test_a_marionette_with_a_waist_follows_a_clip(waisted, tmp_path):
-    followed = fan.theatre.follow_clip(waisted, clip(tmp_path, "lafan1", "wave"))
+    followed = fan.theatre.follow_clip(waisted, write_clip(tmp_path, "lafan1", "wave"))
     assert followed, followed.status
     errors = {part.name: part.excess for part in followed.report}
     assert all(above < 0.02 for above in errors.values()), errors
@@ -200,5 +202,9 @@ def test_bodies_of_any_names_are_those_of_the_body_map():
     for side in ("left", "right"):
         assert figure.bodies[f"forearm_{side}"] == f"lower_arm_{side}"
         assert figure.bodies[f"shin_{side}"] == f"shin_{side}"
-    assert figure.places["head"][2] > figure.places["hand_left"][2] > figure.places["foot_left"][2]
+    assert (
+        figure.positions["head"][2]
+        > figure.positions["hand_left"][2]
+        > figure.positions["foot_left"][2]
+    )
     assert figure.height == pytest.approx(hans.body_map.size, rel=0.1)

@@ -32,18 +32,18 @@ def x0(airplane):
     return airplane.rest()
 
 
-def pitch(airplane, x, body: str) -> float:
+def pitch_angle(airplane, x, body: str) -> float:
     """Angle by which a body leans forward [deg]."""
     R = airplane.pose(x, body)[:3, :3]
     return float(np.degrees(np.arctan2(R[0, 2], R[2, 2])))
 
 
-def at(run: fan.Trajectory, t: float) -> fan.State:
+def state_at(run: fan.Trajectory, t: float) -> fan.State:
     """State of the sample at a time, or next after it."""
     return run.state(int(np.searchsorted(run.t, t - 1e-9)))
 
 
-def played(airplane, x0, gesture) -> fan.Trajectory:
+def simulate_gesture(airplane, x0, gesture) -> fan.Trajectory:
     inputs = gesture.inputs(x0)
     return fan.simulate(airplane, x0, inputs, method=fan.TimeStepping(dt=2e-3))
 
@@ -52,18 +52,18 @@ def test_it_hangs_like_the_marionette_whose_hands_are_at_its_holes(airplane, x0,
     """The plain marionette has no bars: ends and lengths of its strings are driven."""
     values = {}
     for name, (x, y, length) in HOLES.items():
-        for own, side in ((name, 1.0), (name.replace("left", "right"), -1.0)):
-            values |= {f"{own}.x": x, f"{own}.length": length}
-            values |= {f"{own}.y": side * y}
-    plain = marionette.rest(values)
-    hangs = {name: x0[name] for name in airplane.coordinates.q_D}
-    assert hangs == pytest.approx({name: plain[name] for name in hangs}, abs=1e-9)
+        for side_name, side in ((name, 1.0), (name.replace("left", "right"), -1.0)):
+            values |= {f"{side_name}.x": x, f"{side_name}.length": length}
+            values |= {f"{side_name}.y": side * y}
+    reference = marionette.rest(values)
+    q_D_by_name = {name: x0[name] for name in airplane.coordinates.q_D}
+    assert q_D_by_name == pytest.approx({name: reference[name] for name in q_D_by_name}, abs=1e-9)
     tensions = [
         {
             string.name: puppet.forward_dynamics(x).tension[i]
             for i, string in enumerate(puppet.tree.strings)
         }
-        for puppet, x in ((airplane, x0), (marionette, plain))
+        for puppet, x in ((airplane, x0), (marionette, reference))
     ]
     assert tensions[0] == pytest.approx(tensions[1] | {"back": 0.0}, abs=1e-9)
 
@@ -75,7 +75,7 @@ def test_its_body_map_has_the_control(airplane):
 
 
 @pytest.mark.parametrize(
-    ("name", "moved"),
+    ("name", "bars"),
     [
         ("nod", ("bar",)),
         ("bow", ("bar",)),
@@ -85,11 +85,11 @@ def test_its_body_map_has_the_control(airplane):
         ("wave", ("hand_bar",)),
     ],
 )
-def test_bundled_gestures_move_its_bars_within_the_bounds_of_the_others(airplane, name, moved):
+def test_bundled_gestures_move_its_bars_within_the_bounds_of_the_others(airplane, name, bars):
     gesture = load_gesture(airplane, name)
-    assert gesture.uses == moved
+    assert gesture.uses == bars
     np.testing.assert_allclose(gesture.ends[0][1], gesture.travel, atol=1e-12)
-    bounds = fan.theatre.gestures.limits(airplane.coordinates, 1.2, 11.0)
+    bounds = fan.theatre.gestures.motion_bounds(airplane.coordinates, 1.2, 11.0)
     assert np.all(gesture.peaks <= bounds * 1.002)
 
 
@@ -107,10 +107,10 @@ def test_lengths_are_in_proportion_to_the_puppet_and_angles_are_not(airplane, tm
     path = tmp_path / "greet.yaml"
     path.write_text(GREET)
     gesture, body_map = load_gesture(airplane, path), airplane.body_map
-    moved = dict(zip(airplane.coordinates.v_K, gesture.offsets(1.0)[0], strict=True))
-    assert moved["bar.wy"] == pytest.approx(np.radians(10.0))
-    assert moved["bar.z"] == pytest.approx(-0.03 * body_map.size / 0.3)
-    assert moved["hand_bar.z"] == pytest.approx(0.02 * body_map.parts["arm_left"].length / 0.1)
+    offsets = dict(zip(airplane.coordinates.v_K, gesture.offsets(1.0)[0], strict=True))
+    assert offsets["bar.wy"] == pytest.approx(np.radians(10.0))
+    assert offsets["bar.z"] == pytest.approx(-0.03 * body_map.size / 0.3)
+    assert offsets["hand_bar.z"] == pytest.approx(0.02 * body_map.parts["arm_left"].length / 0.1)
 
 
 def test_moves_on_a_control_need_moves_of_parts_and_names_of_bars(airplane, tmp_path):
@@ -143,37 +143,41 @@ def test_it_refuses_in_one_sentence_what_its_control_cannot_do(airplane):
 
 def test_it_nods_when_its_control_is_tipped(airplane, x0):
     nod = load_gesture(airplane, "nod")
-    run = played(airplane, x0, nod)
-    heads = [pitch(airplane, at(run, t), "skull") for t in (0.0, *nod.marks.values(), 0.75)]
-    assert min(heads[1:3]) > heads[0] + 8.0 and heads[3] < min(heads[1:3])
-    assert abs(pitch(airplane, at(run, nod.marks["first"]), "torso")) < 5.0
+    run = simulate_gesture(airplane, x0, nod)
+    head_angles = [
+        pitch_angle(airplane, state_at(run, t), "skull") for t in (0.0, *nod.marks.values(), 0.75)
+    ]
+    assert min(head_angles[1:3]) > head_angles[0] + 8.0 and head_angles[3] < min(head_angles[1:3])
+    assert abs(pitch_angle(airplane, state_at(run, nod.marks["first"]), "torso")) < 5.0
 
 
 def test_it_bows_when_its_control_is_tipped_further(airplane, x0):
     bow = load_gesture(airplane, "bow")
-    run = played(airplane, x0, bow)
-    backs = [pitch(airplane, at(run, t), "torso") for t in (0.0, 1.2, bow.duration)]
-    assert backs[1] > 25.0 and abs(backs[2]) < 10.0
+    run = simulate_gesture(airplane, x0, bow)
+    back_angles = [
+        pitch_angle(airplane, state_at(run, t), "torso") for t in (0.0, 1.2, bow.duration)
+    ]
+    assert back_angles[1] > 25.0 and abs(back_angles[2]) < 10.0
     back = [s.name for s in airplane.tree.strings].index("back")
-    assert airplane.forward_dynamics(at(run, 1.2)).tension[back] > 1.0
+    assert airplane.forward_dynamics(state_at(run, 1.2)).tension[back] > 1.0
 
 
 def test_it_walks_on_a_rocking_leg_bar_above_the_floor(airplane, x0):
     walk = load_gesture(airplane, "walk", steps=4, step=0.06)
-    run = played(airplane, x0, walk)
+    run = simulate_gesture(airplane, x0, walk)
     assert run.status is fan.Status.DONE
     assert tuple(walk.marks) == ("left", "right", "left 2", "right 2")
     for mark, t in walk.marks.items():
-        knees = {s: float(at(run, t)[f"knee_joint_{s}"]) for s in ("left", "right")}
-        lifted = mark.split()[0]
-        other = {"left": "right", "right": "left"}[lifted]
-        feet = {s: airplane.pose(at(run, t), f"shin_{s}")[2, 3] for s in knees}
-        assert knees[lifted] > knees[other] + np.radians(15.0)
-        assert feet[lifted] > feet[other] + 5e-3
-    assert at(run, walk.duration)["torso.x"] - x0["torso.x"] == pytest.approx(0.24, abs=0.05)
+        knees = {s: float(state_at(run, t)[f"knee_joint_{s}"]) for s in ("left", "right")}
+        lifted_side = mark.split()[0]
+        standing_side = {"left": "right", "right": "left"}[lifted_side]
+        feet = {s: airplane.pose(state_at(run, t), f"shin_{s}")[2, 3] for s in knees}
+        assert knees[lifted_side] > knees[standing_side] + np.radians(15.0)
+        assert feet[lifted_side] > feet[standing_side] + 5e-3
+    assert state_at(run, walk.duration)["torso.x"] - x0["torso.x"] == pytest.approx(0.24, abs=0.05)
     soles = [
-        airplane.pose(at(run, t), f"shin_{side}")[2, :3] @ [0.007, 0.0, -0.141]
-        + airplane.pose(at(run, t), f"shin_{side}")[2, 3]
+        airplane.pose(state_at(run, t), f"shin_{side}")[2, :3] @ [0.007, 0.0, -0.141]
+        + airplane.pose(state_at(run, t), f"shin_{side}")[2, 3]
         for t in np.linspace(0.0, walk.duration, 60)
         for side in ("left", "right")
     ]
@@ -182,9 +186,9 @@ def test_it_walks_on_a_rocking_leg_bar_above_the_floor(airplane, x0):
 
 def test_a_take_of_a_tipped_control_is_a_gesture(airplane, tmp_path):
     live = fan.Performance(airplane)
-    there, _ = live.place("bar")
+    start_position, _ = live.place("bar")
     live.record()
-    live.move("bar", there, rotation.exp(np.array([0.0, 0.2, 0.0])))
+    live.move("bar", start_position, rotation.exp(np.array([0.0, 0.2, 0.0])))
     live.advance(0.8)
     take = live.stop()
     take.save(tmp_path / "tip.npz")
@@ -193,6 +197,6 @@ def test_a_take_of_a_tipped_control_is_a_gesture(airplane, tmp_path):
     q, v = airplane.coordinates.rotations["bar.rotation"]
     assert gesture.named[v : v + 3].all()
     w, x, y, z = take.inputs.evaluate(take.inputs.end)[0][q : q + 4]
-    wanted = Rotation.from_quat([x, y, z, w]).as_rotvec()
-    np.testing.assert_allclose(gesture.ends[0][1][v : v + 3], wanted, atol=1e-9)
-    assert np.linalg.norm(wanted) > 0.1
+    expected = Rotation.from_quat([x, y, z, w]).as_rotvec()
+    np.testing.assert_allclose(gesture.ends[0][1][v : v + 3], expected, atol=1e-9)
+    assert np.linalg.norm(expected) > 0.1

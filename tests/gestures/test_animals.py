@@ -14,15 +14,15 @@ import fantoccini as fan
 from fantoccini.base.errors import FileError, StateError
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.theatre.gestures import (
-    ACCELERATION,
-    SPEED,
+    MAX_ACCELERATION,
+    MAX_SPEED,
     BodyParts,
-    bundled,
+    bundled_gesture_path,
     gesture_names,
-    limits,
     load_gesture,
+    motion_bounds,
 )
-from fantoccini.theatre.gestures.body_parts import moves_of
+from fantoccini.theatre.gestures.body_parts import string_moves
 
 pytestmark = [pytest.mark.medium, pytest.mark.own_puppets]
 
@@ -43,7 +43,7 @@ def puppets() -> dict[str, Marionette]:
     }
 
 
-class Performed:
+class PerformedGesture:
     """A gesture as the puppet performs it, in time steps.
 
     Attributes:
@@ -98,91 +98,95 @@ class Performed:
         """Index of the sample at a mark."""
         return int(np.argmin(np.abs(self.t - self.marks[mark])))
 
-    def _path(self, body: str, at: tuple[float, float, float]) -> np.ndarray:
+    def _path(self, body: str, point: tuple[float, float, float]) -> np.ndarray:
         pose = self._poses[:, self._puppet.link_index(body)]
-        place = pose[:, :, :3] @ np.array(at) + pose[:, :, 3]
-        return (place - place[0]) @ self._axes.T
+        positions = pose[:, :, :3] @ np.array(point) + pose[:, :, 3]
+        return (positions - positions[0]) @ self._axes.T
 
 
-def wags(own: Performed) -> None:
+def check_wag(performed: PerformedGesture) -> None:
     # The tail of the other dog has a spring that is five times as stiff.
-    swing = own.tip("tail")[:, 1]
-    assert np.ptp(swing) > 0.16 * own.length("tail")
+    swing = performed.tip("tail")[:, 1]
+    assert np.ptp(swing) > 0.16 * performed.length("tail")
     assert np.count_nonzero(np.diff(np.sign(np.diff(swing[:: len(swing) // 40])))) >= 7
 
 
-def sniffs(own: Performed) -> None:
-    assert own.tip("head")[own.at("down"), 2] < -0.35 * own.length("leg_front_left")
+def check_sniff(performed: PerformedGesture) -> None:
+    assert performed.tip("head")[performed.at("down"), 2] < -0.35 * performed.length(
+        "leg_front_left"
+    )
 
 
-def lies_down(own: Performed) -> None:
-    assert own.trunk()[-1, 2] < -0.3 * own.length("leg_front_left")
-    assert abs(own.slope()[-1]) < np.radians(15.0)
-    assert np.ptp(own.tip("head")[-10:, 2]) < 0.01
+def check_lie_down(performed: PerformedGesture) -> None:
+    assert performed.trunk()[-1, 2] < -0.3 * performed.length("leg_front_left")
+    assert abs(performed.slope()[-1]) < np.radians(15.0)
+    assert np.ptp(performed.tip("head")[-10:, 2]) < 0.01
 
 
-def stretches(own: Performed) -> None:
-    low = own.at("low")
-    assert own.slope()[low] < -np.radians(10.0)
-    assert own.tip("leg_front_left")[low, 0] > own.trunk()[low, 0]
+def check_stretch(performed: PerformedGesture) -> None:
+    low = performed.at("low")
+    assert performed.slope()[low] < -np.radians(10.0)
+    assert performed.tip("leg_front_left")[low, 0] > performed.trunk()[low, 0]
 
 
-def begs(own: Performed) -> None:
-    up = own.at("up")
-    assert own.slope()[up] > np.radians(20.0)
+def check_beg(performed: PerformedGesture) -> None:
+    up = performed.at("up")
+    assert performed.slope()[up] > np.radians(20.0)
     for paw in ("leg_front_left", "leg_front_right"):
-        assert own.tip(paw)[up, 2] > 0.5 * own.length(paw)
+        assert performed.tip(paw)[up, 2] > 0.5 * performed.length(paw)
 
 
-def flaps(own: Performed) -> None:
+def check_flap(performed: PerformedGesture) -> None:
     for wing in ("wing_left", "wing_right"):
-        height = own.tip(wing)[:, 2]
+        height = performed.tip(wing)[:, 2]
         beats = np.diff(np.sign(height - 0.5 * (height.max() + height.min())))
-        assert np.ptp(height) > 0.4 * own.length(wing)
+        assert np.ptp(height) > 0.4 * performed.length(wing)
         assert np.count_nonzero(beats > 0) == 4
 
 
-def glides(own: Performed) -> None:
-    high = own.at("high")
-    assert own.trunk()[high, 2] > 0.02
+def check_glide(performed: PerformedGesture) -> None:
+    high = performed.at("high")
+    assert performed.trunk()[high, 2] > 0.02
     for wing in ("wing_left", "wing_right"):
-        assert own.tip(wing)[high, 2] - own.trunk()[high, 2] > 0.15 * own.length(wing)
+        assert performed.tip(wing)[high, 2] - performed.trunk()[high, 2] > 0.15 * performed.length(
+            wing
+        )
 
 
-def pecks(own: Performed) -> None:
-    head = own.tip("head")
+def check_peck(performed: PerformedGesture) -> None:
+    head = performed.tip("head")
     for mark in ("first", "second", "third"):
-        assert head[own.at(mark), 2] < -0.4 * own.length("neck")
-    picks = np.diff(np.sign(np.diff(head[own.at("first") : own.at("third"), 2])))
+        assert head[performed.at(mark), 2] < -0.4 * performed.length("neck")
+    picks = np.diff(np.sign(np.diff(head[performed.at("first") : performed.at("third"), 2])))
     assert np.count_nonzero(picks) >= 3
 
 
-CHECKS: dict[str, Callable[[Performed], None]] = {
-    "wag": wags,
-    "sniff": sniffs,
-    "lie_down": lies_down,
-    "stretch": stretches,
-    "beg": begs,
-    "flap": flaps,
-    "glide": glides,
-    "peck": pecks,
+CHECKS: dict[str, Callable[[PerformedGesture], None]] = {
+    "wag": check_wag,
+    "sniff": check_sniff,
+    "lie_down": check_lie_down,
+    "stretch": check_stretch,
+    "beg": check_beg,
+    "flap": check_flap,
+    "glide": check_glide,
+    "peck": check_peck,
 }
 
 
 @pytest.mark.parametrize("name", DOG)
 @pytest.mark.parametrize("dog", ["dachshund", "other dog"])
 def test_four_legged_puppets_do_what_the_name_says(puppets, dog, name):
-    own = Performed(puppets[dog], name)
-    CHECKS[name](own)
-    assert own.lowest_foot() > -FLOOR_MARGIN
+    performed = PerformedGesture(puppets[dog], name)
+    CHECKS[name](performed)
+    assert performed.lowest_foot() > -FLOOR_MARGIN
 
 
 @pytest.mark.parametrize("name", BIRD)
 @pytest.mark.parametrize("bird", ["heron", "other bird"])
 def test_birds_do_what_the_name_says(puppets, bird, name):
-    own = Performed(puppets[bird], name)
-    CHECKS[name](own)
-    assert own.lowest_foot() > -FLOOR_MARGIN
+    performed = PerformedGesture(puppets[bird], name)
+    CHECKS[name](performed)
+    assert performed.lowest_foot() > -FLOOR_MARGIN
 
 
 DOG_HAS = (
@@ -213,7 +217,10 @@ def test_ends_of_a_trunk_are_told_by_the_places_of_the_carrying_strings(puppets)
         "other bird": (("front",), ("back_l", "back_r")),
     }
     for name, (front, hind) in expected.items():
-        assert BodyParts.of(puppets[name]).trunk_ends == {"trunk_front": front, "trunk_hind": hind}
+        assert BodyParts.for_puppet(puppets[name]).trunk_ends == {
+            "trunk_front": front,
+            "trunk_hind": hind,
+        }
 
 
 def test_sizes_of_other_parts_scale_offsets(puppets, tmp_path):
@@ -231,14 +238,14 @@ def test_sizes_of_other_parts_scale_offsets(puppets, tmp_path):
     assert offsets["a.length"] == pytest.approx(0.05 * body.size, abs=1e-9)
 
 
-WRONG = {
+MISTAKES = {
     "{tail: leg}": "crouch.yaml:3: scaled_by.tail: 'tail' is not among the parts",
     "{trunk: neck}": "crouch.yaml:3: scaled_by.trunk: needed: a kind of part whose size is in",
     "{trunk: nose}": "crouch.yaml:3: scaled_by.trunk: ",
 }
 
 
-@pytest.mark.parametrize("entry", WRONG)
+@pytest.mark.parametrize("entry", MISTAKES)
 def test_mistakes_in_scaled_by(entry, puppets, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     text = (
@@ -247,23 +254,25 @@ def test_mistakes_in_scaled_by(entry, puppets, tmp_path, monkeypatch):
     Path("crouch.yaml").write_text(text.replace("ENTRY", entry), encoding="utf-8")
     with pytest.raises(FileError) as error:
         load_gesture(puppets["dachshund"], "crouch.yaml")
-    assert WRONG[entry] in str(error.value)
+    assert MISTAKES[entry] in str(error.value)
 
 
 def test_limbs_without_strings_stay_out_of_a_plural(puppets):
     body = puppets["other bird"].body_map
     assert body.parts["neck"].strings == ()
-    body_parts = BodyParts.of(puppets["other bird"])
+    body_parts = BodyParts.for_puppet(puppets["other bird"])
     assert body_parts.moves("necks.up") == []
     with pytest.raises(StateError, match="it moves neck, which no string of heron moves"):
         body_parts.moves("neck.up")
     with pytest.raises(StateError, match="it moves necks, which no string of heron moves"):
-        moves_of(body_parts, ["necks.up"])
+        string_moves(body_parts, ["necks.up"])
 
 
 def test_only_moves_that_a_puppet_has_need_a_size(puppets):
     scaled_by = {"trunk": "whole", "wings": "wing"}
-    moves = moves_of(BodyParts.of(puppets["dachshund"]), ["trunk.up", "wings.up"], scaled_by)
+    moves = string_moves(
+        BodyParts.for_puppet(puppets["dachshund"]), ["trunk.up", "wings.up"], scaled_by
+    )
     assert {part for part, _ in moves.values()} == {"trunk.up"}
 
 
@@ -277,7 +286,7 @@ def test_they_keep_to_the_default_bounds(puppets, name):
         except FileError:
             continue
         n += 1
-        peaks = gesture.peaks / limits(puppet.coordinates, SPEED, ACCELERATION)
+        peaks = gesture.peaks / motion_bounds(puppet.coordinates, MAX_SPEED, MAX_ACCELERATION)
         assert np.max(peaks) < 1.0 + 2e-3, animal
     assert n >= 2
 
@@ -331,6 +340,8 @@ def test_hang_brings_back_wings_and_tail(puppets):
 def test_no_bundled_gesture_names_a_string():
     """Bundled gestures have `parts` for any puppet, and neither `moves` nor `poses`."""
     for name in gesture_names():
-        if bundled(name).is_file():
-            keys = YAML(typ="safe").load(bundled(name).read_text(encoding="utf-8")).keys()
+        if bundled_gesture_path(name).is_file():
+            keys = (
+                YAML(typ="safe").load(bundled_gesture_path(name).read_text(encoding="utf-8")).keys()
+            )
             assert "parts" in keys and not keys & {"moves", "poses"}, name

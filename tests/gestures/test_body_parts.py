@@ -13,17 +13,17 @@ from fantoccini.base.errors import FileError, StateError
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import pieces
 from fantoccini.theatre import load_gesture
-from fantoccini.theatre.gestures import BodyParts, Ends, Step, steps
+from fantoccini.theatre.gestures import BodyParts, Ends, Step, step_gesture
 
 pytestmark = [pytest.mark.medium, pytest.mark.own_puppets]
 
 
-def moved(gesture: fan.theatre.Gesture, t: float) -> dict[str, float]:
+def nonzero_offsets(gesture: fan.theatre.Gesture, t: float) -> dict[str, float]:
     """Coordinate -> its offset at a time, without those that stay."""
     offsets, _ = gesture.offsets(t)
-    known = pieces.channel_names(gesture.coordinates)
+    channels = pieces.channel_names(gesture.coordinates)
     return {
-        name: offsets[v.start] for name, (_, v) in known.items() if abs(offsets[v.start]) > 1e-12
+        name: offsets[v.start] for name, (_, v) in channels.items() if abs(offsets[v.start]) > 1e-12
     }
 
 
@@ -48,7 +48,7 @@ def heron() -> Marionette:
 def test_a_larger_puppet_with_other_names_waves_in_proportion(hans):
     wave = load_gesture(hans, "wave")
     assert wave.uses == ("armfaden_rechts",)
-    offsets = moved(wave, 1.15)
+    offsets = nonzero_offsets(wave, 1.15)
     assert offsets["armfaden_rechts.length"] == pytest.approx(1.7 * -0.26, rel=1e-4)
     assert offsets["armfaden_rechts.x"] == pytest.approx(1.7 * 0.04, rel=1e-4)
     assert offsets["armfaden_rechts.y"] == pytest.approx(1.7 * -0.10, rel=1e-4)
@@ -61,9 +61,9 @@ def test_it_does_what_the_bundled_marionette_does(hans, name):
     gesture, bundled = load_gesture(hans, name), load_gesture(fan.puppets.marionette(), name)
     assert gesture.marks == bundled.marks
     for t in np.linspace(0.0, bundled.duration, 9):
-        own = {
-            x.replace("links", "left").replace("rechts", "right"): v
-            for x, v in moved(gesture, t).items()
+        offsets = {
+            string.replace("links", "left").replace("rechts", "right"): offset
+            for string, offset in nonzero_offsets(gesture, t).items()
         }
         for german, word in (
             ("kopf", "head"),
@@ -71,15 +71,19 @@ def test_it_does_what_the_bundled_marionette_does(hans, name):
             ("arm", "hand"),
             ("bein", "knee"),
         ):
-            own = {x.replace(f"{german}faden", word): v for x, v in own.items()}
-        expected = moved(bundled, t)
-        assert own == pytest.approx({x: 1.7 * v for x, v in expected.items()}, rel=1e-4, abs=1e-12)
+            offsets = {
+                string.replace(f"{german}faden", word): offset for string, offset in offsets.items()
+            }
+        expected = nonzero_offsets(bundled, t)
+        assert offsets == pytest.approx(
+            {string: 1.7 * offset for string, offset in expected.items()}, rel=1e-4, abs=1e-12
+        )
 
 
 def test_a_dog_nods_along_the_direction_in_which_it_looks(dachshund):
     nod = load_gesture(dachshund, "nod")
     assert nod.uses == ("a",)
-    offsets = moved(nod, 0.35)
+    offsets = nonzero_offsets(nod, 0.35)
     assert offsets["a.length"] > 0.01
     assert offsets["a.y"] > 0.01
     assert abs(offsets.get("a.x", 0.0)) < 1e-4
@@ -91,7 +95,7 @@ def test_a_dog_nods_along_the_direction_in_which_it_looks(dachshund):
 
 def test_a_bird_looks_to_its_own_left(heron):
     look = load_gesture(heron, "look")
-    offsets = moved(look, 1.0)
+    offsets = nonzero_offsets(look, 1.0)
     assert offsets["beakstring.y"] < -0.04  # it looks along -x
     assert offsets["beakstring.x"] < -0.01
 
@@ -122,13 +126,13 @@ def test_own_gestures_of_parts(dachshund, tmp_path):
     )
     gesture = load_gesture(dachshund, path)
     tail = dachshund.body_map.parts["tail"].length / 0.05
-    assert moved(gesture, 0.2)["i.x"] == pytest.approx(-0.04 * tail, abs=1e-4)
-    offsets = moved(gesture, 0.4)
+    assert nonzero_offsets(gesture, 0.2)["i.x"] == pytest.approx(-0.04 * tail, abs=1e-4)
+    offsets = nonzero_offsets(gesture, 0.4)
     assert offsets["e.x"] == pytest.approx(0.01, abs=1e-4)  # not scaled: no size is given
     assert offsets["f.x"] == pytest.approx(-0.01, abs=1e-4)
 
 
-WRONG = {
+MISTAKES = {
     "parts: {tail.left: [[0, 0], [1, x]]}": "wag.yaml:2: parts.tail.left[1]: the value: found 'x'",
     "parts: {tail.out: [[0, 0], [0.2, 1 cm]]}": "it moves a part in the middle out",
     "parts: {tail.up: [[0, 0], [1, 0.1]]}\nmoves: {i.up: [[0, 0], [1, 0.1]]}": "parts with moves",
@@ -138,41 +142,44 @@ WRONG = {
 }
 
 
-@pytest.mark.parametrize("entry", WRONG)
+@pytest.mark.parametrize("entry", MISTAKES)
 def test_mistakes_in_parts(entry, dachshund, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "wag.yaml").write_text(f"gesture: wag\n{entry}\n", encoding="utf-8")
     with pytest.raises(FileError) as error:
         load_gesture(dachshund, "wag.yaml")
-    assert WRONG[entry] in str(error.value)
+    assert MISTAKES[entry] in str(error.value)
 
 
 def test_a_larger_puppet_with_other_names_walks_in_proportion(hans):
     walk, bundled = (
         load_gesture(puppet, "walk", steps=2) for puppet in (hans, fan.puppets.marionette())
     )
-    expected, own = moved(bundled, 0.7 * bundled.duration), moved(walk, 0.7 * walk.duration)
+    expected, offsets = (
+        nonzero_offsets(bundled, 0.7 * bundled.duration),
+        nonzero_offsets(walk, 0.7 * walk.duration),
+    )
     assert walk.marks == bundled.marks
-    assert own["beinfaden_rechts.length"] == pytest.approx(
+    assert offsets["beinfaden_rechts.length"] == pytest.approx(
         1.7 * expected["knee_right.length"], rel=1e-4
     )
-    assert own["kopffaden.x"] == pytest.approx(1.7 * expected["head.x"], rel=1e-4)
-    assert own["kopffaden.y"] == pytest.approx(1.7 * expected["head.y"], rel=1e-4)
+    assert offsets["kopffaden.x"] == pytest.approx(1.7 * expected["head.x"], rel=1e-4)
+    assert offsets["kopffaden.y"] == pytest.approx(1.7 * expected["head.y"], rel=1e-4)
 
 
 def test_a_bird_walks_to_where_it_looks(heron):
     walk = load_gesture(heron, "walk", steps=2, step=0.05)
-    offsets = moved(walk, walk.duration)
+    offsets = nonzero_offsets(walk, walk.duration)
     assert offsets["front.x"] == pytest.approx(-0.1, abs=1e-9)
     assert abs(offsets.get("front.y", 0.0)) < 1e-9
     left = walk.marks["left"]
-    assert moved(walk, left)["leg_r.length"] < -0.01  # its left leg, at y < 0
+    assert nonzero_offsets(walk, left)["leg_r.length"] < -0.01  # its left leg, at y < 0
 
 
 def test_a_dog_walks_on_diagonal_pairs_of_legs(dachshund):
     walk = load_gesture(dachshund, "walk")
     assert list(walk.marks) == ["left", "right", "left 2", "right 2"]
-    known = pieces.channel_names(dachshund.coordinates)
+    channels = pieces.channel_names(dachshund.coordinates)
     parts = dachshund.body_map.parts
     lifted = {}
     for mark in ("left", "right"):
@@ -181,14 +188,14 @@ def test_a_dog_walks_on_diagonal_pairs_of_legs(dachshund):
             name
             for name, limb in parts.items()
             if limb.kind == "leg"
-            and offsets[known[f"{limb.strings[0]}.length"][1].start] < -0.1 * limb.length
+            and offsets[channels[f"{limb.strings[0]}.length"][1].start] < -0.1 * limb.length
         }
     assert lifted["left"] == {"leg_front_left", "leg_hind_right"}
     assert lifted["right"] == {"leg_front_right", "leg_hind_left"}
 
 
 def test_puppets_without_pairs_of_legs_do_not_walk(dachshund):
-    ends = Ends(BodyParts.of(dachshund), dachshund.rest())
+    ends = Ends(BodyParts.for_puppet(dachshund), dachshund.rest())
     body = ends.body_parts.body_map
     arms = tuple(dataclasses.replace(x, kind="arm") for x in body.limbs if x.kind == "leg")
     body_parts = dataclasses.replace(
@@ -197,7 +204,7 @@ def test_puppets_without_pairs_of_legs_do_not_walk(dachshund):
     with pytest.raises(
         StateError, match="it walks on pairs of legs, left and right; the puppet has arm_front"
     ):
-        steps(Ends(body_parts, dachshund.rest()), [Step(0.01)])
+        step_gesture(Ends(body_parts, dachshund.rest()), [Step(0.01)])
 
 
 def test_a_larger_puppet_points_and_looks(hans):
@@ -207,16 +214,16 @@ def test_a_larger_puppet_points_and_looks(hans):
     gesture = load_gesture(hans, "point", to=place.tolist())
     assert gesture.uses == ("armfaden_rechts",)
     offsets, _ = gesture.offsets(gesture.marks["points"])
-    known = pieces.channel_names(hans.coordinates)
-    pose = hans.rest({n: float(x0[n] + offsets[v.start]) for n, (_, v) in known.items()})
+    channels = pieces.channel_names(hans.coordinates)
+    pose = hans.rest({n: float(x0[n] + offsets[v.start]) for n, (_, v) in channels.items()})
     shoulder = hans.pose(pose, arm.bodies[0])[:3, 3]
     hand = hans.pose(pose, arm.bodies[-1]) @ [*arm.end, 1.0]
-    pointing, wanted = hand[:3] - shoulder, place - shoulder
-    cosine = pointing @ wanted / np.linalg.norm(pointing) / np.linalg.norm(wanted)
+    pointing, place_direction = hand[:3] - shoulder, place - shoulder
+    cosine = pointing @ place_direction / np.linalg.norm(pointing) / np.linalg.norm(place_direction)
     assert cosine > np.cos(np.radians(2.0))
-    turned = load_gesture(hans, "look", to=[0.5, 0.5, 0.6])
-    offsets, _ = turned.offsets(turned.marks["there"])
-    pose = hans.rest({n: float(x0[n] + offsets[v.start]) for n, (_, v) in known.items()})
+    look = load_gesture(hans, "look", to=[0.5, 0.5, 0.6])
+    offsets, _ = look.offsets(look.marks["there"])
+    pose = hans.rest({n: float(x0[n] + offsets[v.start]) for n, (_, v) in channels.items()})
     face = hans.pose(pose, "kopf")[:3, 0]
     assert np.degrees(np.arctan2(face[1], face[0])) == pytest.approx(45.0, abs=3.0)
 
@@ -225,8 +232,8 @@ def test_a_dog_looks_aside(dachshund):
     x0 = dachshund.rest()
     gesture = load_gesture(dachshund, "look", to=[-0.5, 0.5, 0.15])
     offsets, _ = gesture.offsets(gesture.marks["there"])
-    known = pieces.channel_names(dachshund.coordinates)
-    pose = dachshund.rest({n: float(x0[n] + offsets[v.start]) for n, (_, v) in known.items()})
+    channels = pieces.channel_names(dachshund.coordinates)
+    pose = dachshund.rest({n: float(x0[n] + offsets[v.start]) for n, (_, v) in channels.items()})
     face = dachshund.pose(pose, "face")[:3, 1]
     assert np.degrees(np.arctan2(face[1], face[0])) == pytest.approx(135.0, abs=15.0)
 

@@ -24,7 +24,7 @@ lanes:
 """
 
 
-def load(marionette, folder, text: str = NUMBER) -> fan.theatre.Score:
+def load_number(marionette, folder, text: str = NUMBER) -> fan.theatre.Score:
     path = folder / "number.yaml"
     path.write_text(text, encoding="utf-8")
     return fan.load_score(marionette, path)
@@ -32,10 +32,10 @@ def load(marionette, folder, text: str = NUMBER) -> fan.theatre.Score:
 
 @pytest.fixture(scope="module")
 def score(marionette, tmp_path_factory) -> fan.theatre.Score:
-    return load(marionette, tmp_path_factory.mktemp("scores"))
+    return load_number(marionette, tmp_path_factory.mktemp("scores"))
 
 
-def pass_by(conductor: fan.theatre.Conductor, seconds: float, dt: float = 0.01) -> np.ndarray:
+def advance_by(conductor: fan.theatre.Conductor, seconds: float, dt: float = 0.01) -> np.ndarray:
     return np.array([conductor.advance(dt) for _ in range(round(seconds / dt))])
 
 
@@ -51,29 +51,29 @@ def test_waits_are_in_the_score_and_take_no_time_offline(score):
 def test_the_time_of_the_score_stops_until_go(score):
     conductor = fan.theatre.Conductor(score)
     assert not conductor.go() and conductor.waiting is None
-    assert pass_by(conductor, 3.0)[-1] == 1.0
+    assert advance_by(conductor, 3.0)[-1] == 1.0
     assert conductor.waiting is score.waits[0] and conductor.standing
     assert conductor.go() and not conductor.go()
-    assert pass_by(conductor, 0.5)[-1] == pytest.approx(1.5)
+    assert advance_by(conductor, 0.5)[-1] == pytest.approx(1.5)
     assert conductor.waiting is None and conductor.upcoming is score.waits[1]
 
 
 def test_go_shortly_before_a_wait_counts(score):
     conductor = fan.theatre.Conductor(score)
-    pass_by(conductor, 0.8)
+    advance_by(conductor, 0.8)
     assert conductor.go()
-    assert pass_by(conductor, 0.6)[-1] == pytest.approx(1.4)
+    assert advance_by(conductor, 0.6)[-1] == pytest.approx(1.4)
 
 
 def test_a_loop_goes_round_until_go_and_ends_its_round(score):
     conductor = fan.theatre.Conductor(score)
     conductor.seek(3.0)
-    times = pass_by(conductor, 12.0)  # 5 s to its end, a round of 4 s and 3 s of the next
+    times = advance_by(conductor, 12.0)  # 5 s to its end, a round of 4 s and 3 s of the next
     assert times.max() < 8.0 and times[-1] == pytest.approx(7.0)
     assert conductor.waiting is score.waits[1] and not conductor.standing
     assert conductor.go() and conductor.waiting is None
-    assert pass_by(conductor, 2.0)[-1] == pytest.approx(9.0)
-    assert not conductor.done and pass_by(conductor, 20.0)[-1] == score.duration
+    assert advance_by(conductor, 2.0)[-1] == pytest.approx(9.0)
+    assert not conductor.done and advance_by(conductor, 20.0)[-1] == score.duration
     assert conductor.done and conductor.standing
 
 
@@ -101,7 +101,7 @@ def test_seeking_waits_again(score):
     conductor = fan.theatre.Conductor(score)
     assert conductor.seek("second") == 9.0 and conductor.upcoming is None
     assert conductor.seek("curtain") == 1.0
-    assert pass_by(conductor, 1.0)[-1] == 1.0 and conductor.waiting is score.waits[0]
+    assert advance_by(conductor, 1.0)[-1] == 1.0 and conductor.waiting is score.waits[0]
     assert conductor.seek(1e9) == score.duration
     with pytest.raises(UnknownNameError, match="did you mean 'curtain'"):
         conductor.seek("curtian")
@@ -116,11 +116,11 @@ def test_offsets_are_those_of_the_inputs(score):
     x0 = score.marionette.rest()
     inputs = score.inputs(x0)
     for t in (0.0, 2.3, 11.0, score.duration):
-        q, v, _ = inputs.evaluate(t)
-        d, rate = score.offsets(t)
-        for place, n in score.marionette.coordinates.scalars_K:
-            assert d[n] == pytest.approx(q[place] - x0.q_K[place], abs=1e-12)
-        np.testing.assert_allclose(rate, v, atol=1e-12)
+        q_K, v_K, _ = inputs.evaluate(t)
+        offsets, rate = score.offsets(t)
+        for q, v in score.marionette.coordinates.scalars_K:
+            assert offsets[v] == pytest.approx(q_K[q] - x0.q_K[q], abs=1e-12)
+        np.testing.assert_allclose(rate, v_K, atol=1e-12)
     np.testing.assert_allclose(score.offsets(1e6)[1], 0.0, atol=1e-12)
 
 
@@ -144,6 +144,6 @@ def test_offsets_are_those_of_the_inputs(score):
 )
 def test_mistakes_have_places(marionette, tmp_path, change, line, message):
     assert change[0] in NUMBER
-    with pytest.raises(FileError, match=message) as caught:
-        load(marionette, tmp_path, NUMBER.replace(*change))
-    assert f"number.yaml:{line}" in str(caught.value)
+    with pytest.raises(FileError, match=message) as error:
+        load_number(marionette, tmp_path, NUMBER.replace(*change))
+    assert f"number.yaml:{line}" in str(error.value)

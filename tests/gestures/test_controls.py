@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 import fantoccini as fan
 from fantoccini.base.errors import FileError, InputError, StateError
 from fantoccini.theatre import Gesture
-from fantoccini.theatre.gestures import Hands, Line, limits
+from fantoccini.theatre.gestures import Hands, MotionSequence, motion_bounds
 from fantoccini.theatre.gestures.turns import TurnError
 
 pytestmark = pytest.mark.medium
@@ -55,46 +55,54 @@ def orientation(gesture: Gesture, puppet: fan.Marionette, t: float, **start: obj
     return Rotation.from_quat([x, y, z, w])
 
 
-@pytest.mark.parametrize("way", SIGNS)
-def test_a_control_turns_in_each_direction(control, way):
-    gesture = Gesture.of(control, {f"bar.{way}": [(0, 0), (1, "30 deg"), (2, 0)]})
-    wanted = Rotation.from_rotvec(np.radians(30) * np.array(SIGNS[way]))
-    assert (orientation(gesture, control, 1.0) * wanted.inv()).magnitude() < 1e-12
+@pytest.mark.parametrize("direction", SIGNS)
+def test_a_control_turns_in_each_direction(control, direction):
+    gesture = Gesture.from_points(control, {f"bar.{direction}": [(0, 0), (1, "30 deg"), (2, 0)]})
+    expected = Rotation.from_rotvec(np.radians(30) * np.array(SIGNS[direction]))
+    assert (orientation(gesture, control, 1.0) * expected.inv()).magnitude() < 1e-12
     assert orientation(gesture, control, 2.0).magnitude() < 1e-12
-    half = Rotation.from_rotvec(np.radians(15) * np.array(SIGNS[way]))
+    half = Rotation.from_rotvec(np.radians(15) * np.array(SIGNS[direction]))
     assert (orientation(gesture, control, 0.5) * half.inv()).magnitude() < 1e-12  # minimum jerk
     assert gesture.uses == ("bar",)
 
 
 def test_the_front_goes_down_forward_and_the_left_side_down_to_the_left(control):
-    tip = orientation(Gesture.of(control, {"bar.tip_forward": [(0, 0), (1, 0.2)]}), control, 1.0)
+    tip = orientation(
+        Gesture.from_points(control, {"bar.tip_forward": [(0, 0), (1, 0.2)]}), control, 1.0
+    )
     assert tip.apply([1, 0, 0])[2] == pytest.approx(-np.sin(0.2))
-    roll = orientation(Gesture.of(control, {"bar.roll_left": [(0, 0), (1, 0.2)]}), control, 1.0)
+    roll = orientation(
+        Gesture.from_points(control, {"bar.roll_left": [(0, 0), (1, 0.2)]}), control, 1.0
+    )
     assert roll.apply([0, 1, 0])[2] == pytest.approx(-np.sin(0.2))
-    turn = orientation(Gesture.of(control, {"bar.turn_left": [(0, 0), (1, 0.2)]}), control, 1.0)
+    turn = orientation(
+        Gesture.from_points(control, {"bar.turn_left": [(0, 0), (1, 0.2)]}), control, 1.0
+    )
     assert turn.apply([1, 0, 0])[1] == pytest.approx(np.sin(0.2))
 
 
 @pytest.mark.parametrize(("axis", "sign"), [([0, 0, 1], 1.0), ([0, 0, -1], -1.0)])
 def test_up_raises_an_upright_slide(axis, sign):
     puppet = fan.loads(CONTROL.replace("axis: [-1, 0, 0]", f"axis: {axis}"))
-    gesture = Gesture.of(puppet, {"rail.up": [(0, 0), (1, 0.05)]})
+    gesture = Gesture.from_points(puppet, {"rail.up": [(0, 0), (1, 0.05)]})
     offsets = gesture.offsets(1.0)[0]
     assert offsets[puppet.coordinates.v_K.index("rail")] == pytest.approx(0.05 * sign)
 
 
 def test_turns_are_relative_to_where_the_control_is(control):
-    gesture = Gesture.of(control, {"bar.tip_forward": [(0, 0), (1, 0.3)]})
+    gesture = Gesture.from_points(control, {"bar.tip_forward": [(0, 0), (1, 0.3)]})
     first = [0.1, -0.2, 0.7]
-    wanted = Rotation.from_rotvec(first) * Rotation.from_rotvec([0, 0.3, 0])
+    expected = Rotation.from_rotvec(first) * Rotation.from_rotvec([0, 0.3, 0])
     turned = orientation(gesture, control, 1.0, rotation=first)
-    assert (turned * wanted.inv()).magnitude() < 1e-12
+    assert (turned * expected.inv()).magnitude() < 1e-12
 
 
 def test_parts_of_a_turn_have_their_own_times_and_add(control):
-    tip = Gesture.of(control, {"bar.tip_forward": [(0, 0), (1.2, 0.3), (2, 0)]})
-    roll = Gesture.of(control, {"bar.roll_left": [(0, 0), (0.7, 0.2), (1.4, -0.1), (2.5, 0)]})
-    both = Gesture.of(
+    tip = Gesture.from_points(control, {"bar.tip_forward": [(0, 0), (1.2, 0.3), (2, 0)]})
+    roll = Gesture.from_points(
+        control, {"bar.roll_left": [(0, 0), (0.7, 0.2), (1.4, -0.1), (2.5, 0)]}
+    )
+    combined = Gesture.from_points(
         control,
         {
             "bar.tip_forward": [(0, 0), (1.2, 0.3), (2, 0)],
@@ -102,15 +110,19 @@ def test_parts_of_a_turn_have_their_own_times_and_add(control):
         },
     )
     for t in np.linspace(0.0, 2.5, 11):
-        parts = [orientation(part, control, t).as_rotvec() for part in (tip, roll)]
-        for whole in (both, tip + roll):
-            apart = orientation(whole, control, t) * Rotation.from_rotvec(sum(parts)).inv()
-            assert apart.magnitude() < 1e-12
+        vectors = [orientation(part, control, t).as_rotvec() for part in (tip, roll)]
+        for sum_of_parts in (combined, tip + roll):
+            difference = (
+                orientation(sum_of_parts, control, t) * Rotation.from_rotvec(sum(vectors)).inv()
+            )
+            assert difference.magnitude() < 1e-12
 
 
 def test_a_rotation_vector_is_its_parts(control):
-    whole = Gesture.of(control, {"bar.rotation": [(0, [0, 0, 0]), (1, [0.1, "20 deg", -0.3])]})
-    parts = Gesture.of(
+    whole = Gesture.from_points(
+        control, {"bar.rotation": [(0, [0, 0, 0]), (1, [0.1, "20 deg", -0.3])]}
+    )
+    parts = Gesture.from_points(
         control,
         {
             "bar.roll_right": [(0, 0), (1, 0.1)],
@@ -122,7 +134,7 @@ def test_a_rotation_vector_is_its_parts(control):
 
 
 def test_bodies_and_joints_move_along_and_about_their_axes(control):
-    gesture = Gesture.of(
+    gesture = Gesture.from_points(
         control,
         {
             "bar.up": [(0, 0), (1, "5 cm")],
@@ -131,9 +143,9 @@ def test_bodies_and_joints_move_along_and_about_their_axes(control):
             "rail.forward": [(0, 0), (1, 0.03)],
         },
     )
-    moved = dict(zip(control.coordinates.v_K, gesture.offsets(1.0)[0], strict=True))
-    wanted = {"bar.z": 0.05, "bar.y": 0.02, "rock": -np.radians(10), "rail": -0.03}
-    assert {name: moved[name] for name in wanted} == pytest.approx(wanted)
+    offsets = dict(zip(control.coordinates.v_K, gesture.offsets(1.0)[0], strict=True))
+    expected = {"bar.z": 0.05, "bar.y": 0.02, "rock": -np.radians(10), "rail": -0.03}
+    assert {name: offsets[name] for name in expected} == pytest.approx(expected)
 
 
 @pytest.mark.parametrize(
@@ -154,29 +166,36 @@ def test_bodies_and_joints_move_along_and_about_their_axes(control):
 )
 def test_mistakes_are_named(control, points, message):
     with pytest.raises(InputError, match=message):
-        Gesture.of(control, points)
+        Gesture.from_points(control, points)
 
 
 def test_the_mirror_image_of_a_turn_is_that_of_the_bar(control):
     """S R S with S the reflection in the x-z plane."""
     points = {"bar.rotation": [(0, [0, 0, 0]), (1, [0.3, 0.2, -0.4])]}
-    gesture = Gesture.of(control, points | {"rock": [(0, 0), (1, 0.1)], "rail": [(0, 0), (1, 0.1)]})
+    gesture = Gesture.from_points(
+        control, points | {"rock": [(0, 0), (1, 0.1)], "rail": [(0, 0), (1, 0.1)]}
+    )
     mirror = np.diag([1.0, -1.0, 1.0])
-    wanted = mirror @ orientation(gesture, control, 0.8).as_matrix() @ mirror
+    expected = mirror @ orientation(gesture, control, 0.8).as_matrix() @ mirror
     image = gesture.mirrored()
-    np.testing.assert_allclose(orientation(image, control, 0.8).as_matrix(), wanted, atol=1e-12)
-    moved = dict(zip(control.coordinates.v_K, image.offsets(1.0)[0], strict=True))
-    assert (moved["rock"], moved["rail"]) == (pytest.approx(-0.1), pytest.approx(0.1))
+    np.testing.assert_allclose(orientation(image, control, 0.8).as_matrix(), expected, atol=1e-12)
+    offsets = dict(zip(control.coordinates.v_K, image.offsets(1.0)[0], strict=True))
+    assert (offsets["rock"], offsets["rail"]) == (pytest.approx(-0.1), pytest.approx(0.1))
 
 
 def test_a_puppet_that_has_turned_took_its_control_with_it(control):
     """x and y of the stage turn; the control and the bars on it keep their own axes."""
     points = {"bar.tip_forward": [(0, 0), (1, 0.3)], "bar.forward": [(0, 0), (1, 0.1)]}
-    gesture = Gesture.of(control, points | {"rail.forward": [(0, 0), (1, 0.02)]})
-    moved = gesture.turned(0.5).offsets(1.0)[0]
+    gesture = Gesture.from_points(control, points | {"rail.forward": [(0, 0), (1, 0.02)]})
+    offsets = gesture.turned(0.5).offsets(1.0)[0]
     names = control.coordinates.v_K
-    wanted = {"bar.x": 0.1 * np.cos(0.5), "bar.y": 0.1 * np.sin(0.5), "bar.wy": 0.3, "rail": -0.02}
-    assert {n: moved[names.index(n)] for n in wanted} == pytest.approx(wanted)
+    expected = {
+        "bar.x": 0.1 * np.cos(0.5),
+        "bar.y": 0.1 * np.sin(0.5),
+        "bar.wy": 0.3,
+        "rail": -0.02,
+    }
+    assert {n: offsets[names.index(n)] for n in expected} == pytest.approx(expected)
 
 
 def test_a_control_tips_towards_the_front_of_its_puppet_however_it_stands(tmp_path):
@@ -195,11 +214,15 @@ def test_a_control_tips_towards_the_front_of_its_puppet_however_it_stands(tmp_pa
 
 
 def test_a_gesture_travels_with_turns_only_if_they_end(control):
-    on = {"bar.forward": [(0, 0), (2, 0.1)]}
-    rocks = Gesture.of(control, on | {"bar.roll_left": [(0, 0), (1, 0.2), (2, 0)]}, travels=True)
+    forward_points = {"bar.forward": [(0, 0), (2, 0.1)]}
+    rocks = Gesture.from_points(
+        control, forward_points | {"bar.roll_left": [(0, 0), (1, 0.2), (2, 0)]}, travels=True
+    )
     assert rocks.travel.sum() == pytest.approx(0.1)
     with pytest.raises(StateError, match=r"ends with bar\.rotation turned"):
-        Gesture.of(control, on | {"bar.roll_left": [(0, 0), (1, 0.2)]}, travels=True)
+        Gesture.from_points(
+            control, forward_points | {"bar.roll_left": [(0, 0), (1, 0.2)]}, travels=True
+        )
 
 
 def test_a_file_that_travels_turned_is_a_mistake_of_its_line(control, tmp_path):
@@ -210,7 +233,9 @@ def test_a_file_that_travels_turned_is_a_mistake_of_its_line(control, tmp_path):
 
 
 def test_offsets_of_a_turn_can_be_added(control):
-    moved = Gesture.of(control, {"bar.up": [(0, 0), (1, 0.1)]}).moved({"bar.tip_back": 0.2})
+    moved = Gesture.from_points(control, {"bar.up": [(0, 0), (1, 0.1)]}).moved(
+        {"bar.tip_back": 0.2}
+    )
     np.testing.assert_allclose(orientation(moved, control, 1.0).as_rotvec(), [0, -0.2, 0])
 
 
@@ -241,12 +266,12 @@ def test_a_score_tips_the_control_and_judges_turns_in_their_own_unit(control, tm
 
 
 def test_turns_that_add_up_to_more_than_half_a_circle_are_refused(control, tmp_path):
-    tip = Gesture.of(control, {"bar.tip_forward": [(0, 0), (1, "100 deg"), (2, 0)]})
+    tip = Gesture.from_points(control, {"bar.tip_forward": [(0, 0), (1, "100 deg"), (2, 0)]})
     message = r"bar\.rotation turns by 200 deg from rest at 1\.00 s; .* at most 177 deg"
     for change in (lambda: tip + tip, lambda: tip.scaled(2.0)):
         with pytest.raises(StateError, match=message):
             change()
-    turn = Gesture.of(control, {"bar.turn_left": [(0, 0), (1, "140 deg"), (2, 0)]})
+    turn = Gesture.from_points(control, {"bar.turn_left": [(0, 0), (1, "140 deg"), (2, 0)]})
     assert np.hypot(100, 140) < 177 < 100 + 140
     np.testing.assert_allclose(
         (tip + turn).offsets(1.0)[0], tip.offsets(1.0)[0] + turn.offsets(1.0)[0]
@@ -298,8 +323,8 @@ def test_a_turn_too_far_names_a_cue_of_its_time(control, tmp_path):
 def test_hands_are_checked_where_a_lane_is_added(control):
     """Turns of two lanes add, also those before the last motion of a lane."""
     table = control.coordinates
-    tip = Gesture.of(control, {"bar.tip_forward": [(0, 0), (5, "100 deg"), (10, 0)]})
-    hands = Hands((Line.empty(limits(table, 1.0, 6.0)),))
+    tip = Gesture.from_points(control, {"bar.tip_forward": [(0, 0), (5, "100 deg"), (10, 0)]})
+    hands = Hands((MotionSequence.empty(motion_bounds(table, 1.0, 6.0)),))
     first, _ = hands.add(0, tip, 0.0)
     two, _ = first.add(0, tip, 20.0)
     for before, after in ((hands, first), (first, two), (two, two.add(1, tip, 31.0)[0])):
@@ -323,8 +348,8 @@ def test_key_poses_tip_a_control(control, tmp_path):
     gesture = fan.theatre.load_gesture(control, path)
     x0 = control.rest()
     q_K = gesture.inputs(x0).evaluate(1.0)[0]
-    hangs = control.rest(x0.replace(q_K=q_K))
-    down = control.pose(hangs, "bob")[:3, 3] - control.pose(x0, "bob")[:3, 3]
+    hanging_state = control.rest(x0.replace(q_K=q_K))
+    down = control.pose(hanging_state, "bob")[:3, 3] - control.pose(x0, "bob")[:3, 3]
     np.testing.assert_allclose(down, [0, 0, -0.03], atol=1e-4)
 
 
@@ -346,8 +371,10 @@ def test_key_poses_leave_a_driven_body_where_it_is(tmp_path):
     gesture = fan.theatre.load_gesture(puppet, path)
     x0 = puppet.rest()
     q_K = gesture.inputs(x0).evaluate(1.0)[0]
-    hangs = puppet.rest(x0.replace(q_K=q_K))
-    moved = puppet.pose(hangs, "bob")[:3, 3] - puppet.pose(x0, "bob")[:3, 3]
+    hanging_state = puppet.rest(x0.replace(q_K=q_K))
+    moved = puppet.pose(hanging_state, "bob")[:3, 3] - puppet.pose(x0, "bob")[:3, 3]
     np.testing.assert_allclose(moved, [0, 0.02, 0.03], atol=1e-4)
     assert gesture.uses == ("line",)
-    np.testing.assert_allclose(puppet.pose(hangs, "bar"), puppet.pose(x0, "bar"), atol=1e-12)
+    np.testing.assert_allclose(
+        puppet.pose(hanging_state, "bar"), puppet.pose(x0, "bar"), atol=1e-12
+    )

@@ -14,10 +14,10 @@ from fantoccini.model import BodyMap
 from fantoccini.model.body_map import Limb
 from fantoccini.model.scene import Member, Scene
 from fantoccini.theatre import Gait, find_gait, footfalls
-from fantoccini.theatre.gaits import PREPARATION, Footfalls, WalkStatus, standing_lengths
+from fantoccini.theatre.gaits import PREPARATION_STEPS, Footfalls, WalkStatus, standing_lengths
 from fantoccini.theatre.gaits.gait_search import gait_cost
 from fantoccini.theatre.gestures import BodyParts, Ends, Step
-from fantoccini.theatre.gestures.leg_order import phases
+from fantoccini.theatre.gestures.leg_order import gait_phases
 
 pytestmark = pytest.mark.slow
 
@@ -52,7 +52,7 @@ DACHSHUND = Gait(
 """Gait that a search has found for the bundled dachshund, straight and along an arc of 1 m."""
 
 
-def on_legs(n: int) -> BodyMap:
+def body_map_with_pairs(n: int) -> BodyMap:
     """Body map with n pairs of legs."""
     legs = [Limb("leg", side, ("foot",), (0, 0, 0)) for _ in range(n) for side in ("left", "right")]
     return BodyMap(("trunk",), None, tuple(legs), (1.0, 0.0, 0.0))
@@ -60,10 +60,10 @@ def on_legs(n: int) -> BodyMap:
 
 def contact_slides(stage: fan.Marionette, run: fan.Trajectory, gait: Gait) -> np.ndarray:
     """(n_cycles,) largest slide of loaded contact points, after the preparation [m]."""
-    cycle = np.floor(0.5 * ((run.t - run.t[0]) / gait.step_time - PREPARATION)).astype(int)
-    own = cycle[:-1] >= 0
+    cycle = np.floor(0.5 * ((run.t - run.t[0]) / gait.step_time - PREPARATION_STEPS)).astype(int)
+    is_walking = cycle[:-1] >= 0
     slides = []
-    for limb in BodyParts.of(stage, "pierrot").body_map.limbs:
+    for limb in BodyParts.for_puppet(stage, "pierrot").body_map.limbs:
         if limb.kind != "leg":
             continue
         points = run.contact.of(limb.bodies[-1])
@@ -71,47 +71,49 @@ def contact_slides(stage: fan.Marionette, run: fan.Trajectory, gait: Gait) -> np
         speed = np.zeros(len(run.t))
         np.maximum.at(speed, points.sample[touching], points.sliding[touching])
         slide = speed[:-1] * np.diff(run.t)
-        slides.append(np.bincount(cycle[:-1][own], slide[own]))
+        slides.append(np.bincount(cycle[:-1][is_walking], slide[is_walking]))
     return np.max(slides, axis=0)
 
 
 def test_legs_take_turns_as_their_pattern_says():
-    assert phases(on_legs(1)) == {"leg_left": 0.0, "leg_right": 0.5}
+    assert gait_phases(body_map_with_pairs(1)) == {"leg_left": 0.0, "leg_right": 0.5}
     lateral = {
         "leg_hind_left": 0.0,
         "leg_front_left": 0.25,
         "leg_hind_right": 0.5,
         "leg_front_right": 0.75,
     }
-    assert phases(on_legs(2)) == lateral
-    diagonal = phases(on_legs(2), "trot")
+    assert gait_phases(body_map_with_pairs(2)) == lateral
+    diagonal = gait_phases(body_map_with_pairs(2), "trot")
     assert diagonal["leg_front_left"] == diagonal["leg_hind_right"]
     assert diagonal["leg_front_left"] != diagonal["leg_front_right"]
-    pace = phases(on_legs(2), "pace")
+    pace = gait_phases(body_map_with_pairs(2), "pace")
     assert pace["leg_front_left"] == pace["leg_hind_left"] != pace["leg_hind_right"]
-    tripod = phases(on_legs(3))
-    first = {"leg_front_left", "leg_middle_right", "leg_hind_left"}
-    assert {name for name, phase in tripod.items() if phase == 0.0} == first
-    assert set(phases(on_legs(3), "hop").values()) == {0.0}
+    tripod = gait_phases(body_map_with_pairs(3))
+    first_legs = {"leg_front_left", "leg_middle_right", "leg_hind_left"}
+    assert {name for name, phase in tripod.items() if phase == 0.0} == first_legs
+    assert set(gait_phases(body_map_with_pairs(3), "hop").values()) == {0.0}
     with pytest.raises(StateError, match="pairs of legs"):
-        phases(dataclasses.replace(on_legs(1), limbs=on_legs(1).limbs[:1]))
-    legs = on_legs(1).limbs
+        gait_phases(
+            dataclasses.replace(body_map_with_pairs(1), limbs=body_map_with_pairs(1).limbs[:1])
+        )
+    legs = body_map_with_pairs(1).limbs
     tripod_of_one_pair = dataclasses.replace(
-        on_legs(1), limbs=(*legs, dataclasses.replace(legs[0], side="middle"))
+        body_map_with_pairs(1), limbs=(*legs, dataclasses.replace(legs[0], side="middle"))
     )
-    assert phases(tripod_of_one_pair)["leg"] == 0.25
-    assert phases(tripod_of_one_pair, "hop")["leg"] == 0.0
+    assert gait_phases(tripod_of_one_pair)["leg"] == 0.25
+    assert gait_phases(tripod_of_one_pair, "hop")["leg"] == 0.0
     with pytest.raises(ValueError, match="needed: walk, trot"):
-        phases(on_legs(1), "gallop")  # type: ignore[arg-type]
+        gait_phases(body_map_with_pairs(1), "gallop")  # type: ignore[arg-type]
 
 
 def test_ends_of_a_standing_leg_stand_still_and_close_up(promenade):
-    ends = Ends(BodyParts.of(promenade, "pierrot"), promenade.rest())
+    ends = Ends(BodyParts.for_puppet(promenade, "pierrot"), promenade.rest())
     gait = Gait(leg_lead=0.0, body_lead=0.0, overshoot=0.0)
     walk = gait.gesture(ends, [Step(0.02)] * 6)
     assert walk.duration == pytest.approx(gait.duration(6))
     index = promenade.coordinates.v_K.index("knee_left.x")
-    swing, start = 2.0 * (1.0 - gait.duty), PREPARATION * gait.step_time
+    swing, start = 2.0 * (1.0 - gait.duty), PREPARATION_STEPS * gait.step_time
     times = start + np.linspace(swing + 0.01, 1.99, 9) * gait.step_time
     standing = np.array([walk.offsets(t)[0][index] for t in times])
     # It stands where the body is in the middle of that time.
@@ -127,7 +129,7 @@ def test_it_walks_a_metre_and_its_feet_hardly_slide(promenade, turn):
     x0, steps = promenade.rest(), 38
     inputs = PROMENADE.inputs(promenade, steps, x0, turn=turn)
     run = fan.simulate(promenade, x0, inputs, method=fan.TimeStepping(dt=1e-3), save_every=5)
-    feet = footfalls(BodyParts.of(promenade, "pierrot"), run, PROMENADE, steps)
+    feet = footfalls(BodyParts.for_puppet(promenade, "pierrot"), run, PROMENADE, steps)
     slides = contact_slides(promenade, run, PROMENADE)
     # Landings are chaotic: rounding decides in which of the cycles a foot slides by 2 mm.
     assert slides.mean() < 1e-3
@@ -154,7 +156,7 @@ def test_a_trotting_dachshund_keeps_its_heading_and_hardly_slides():
     x0 = stage.rest()
     inputs = DACHSHUND.inputs(stage, steps, x0)
     run = fan.simulate(stage, x0, inputs, method=fan.TimeStepping(dt=1e-3), save_every=5)
-    feet = footfalls(BodyParts.of(stage, "dog"), run, DACHSHUND, steps)
+    feet = footfalls(BodyParts.for_puppet(stage, "dog"), run, DACHSHUND, steps)
     assert feet, feet.message
     assert feet.slide.mean() < 0.5e-3 and feet.max_slide < 2e-3
     assert abs(feet.turn) < np.radians(2.0)
@@ -171,12 +173,12 @@ def test_a_found_gait_slides_less_and_is_kept(promenade, monkeypatch):
         raise AssertionError("a search, although the result is kept")
 
     monkeypatch.setattr("fantoccini.theatre.gaits.gait_search.tune", refused)
-    again = find_gait(promenade, first, rounds=1, draws=draws)
-    assert again.gait == gait
-    for field in dataclasses.fields(again.feet):
-        from_cache, searched = getattr(again.feet, field.name), getattr(tuned.feet, field.name)
+    cached = find_gait(promenade, first, rounds=1, draws=draws)
+    assert cached.gait == gait
+    for field in dataclasses.fields(cached.feet):
+        from_cache, searched = getattr(cached.feet, field.name), getattr(tuned.feet, field.name)
         np.testing.assert_array_equal(from_cache, searched)
-    assert again.status is tuned.status and again.feet.run_status is fan.Status.DONE
+    assert cached.status is tuned.status and cached.feet.run_status is fan.Status.DONE
 
 
 def with_leg(body_parts: BodyParts, leg: Limb) -> BodyParts:
@@ -188,13 +190,13 @@ def with_leg(body_parts: BodyParts, leg: Limb) -> BodyParts:
 
 
 def test_a_leg_in_the_middle_steps_between_the_others(promenade):
-    body_parts, x0 = BodyParts.of(promenade, "pierrot"), promenade.rest()
+    body_parts, x0 = BodyParts.for_puppet(promenade, "pierrot"), promenade.rest()
     arm = body_parts.body_map.parts["arm_left"]
     three = with_leg(body_parts, dataclasses.replace(arm, kind="leg", side="middle"))
     gait = Gait(sway=0.05)
     walk = gait.gesture(Ends(three, x0), [Step(0.02)] * 4)
     index = promenade.coordinates.v_K.index(f"{arm.strings[0]}.x")
-    start = PREPARATION * gait.step_time
+    start = PREPARATION_STEPS * gait.step_time
     before, after = (walk.offsets(start + t * gait.step_time)[0][index] for t in (0.5, 1.5))
     assert walk.offsets(start)[0][index] == pytest.approx(before, abs=1e-9)
     assert after > before + 0.01
@@ -204,7 +206,7 @@ def test_a_leg_in_the_middle_steps_between_the_others(promenade):
 
 
 def test_feet_without_shapes_stand_on_the_body_before_them(promenade):
-    body_parts, x0 = BodyParts.of(promenade, "pierrot"), promenade.rest()
+    body_parts, x0 = BodyParts.for_puppet(promenade, "pierrot"), promenade.rest()
     lengths = standing_lengths(body_parts, x0)
     end = "knee_left.end"  # the massless end of a string
     legs = [
@@ -221,7 +223,7 @@ def test_feet_without_shapes_stand_on_the_body_before_them(promenade):
 
 @pytest.mark.parametrize(("end", "n_cycles"), [(1.0, 0), (5.0, 1), (6.8, 2)])
 def test_runs_that_end_early_have_the_feet_of_whole_cycles_only(promenade, end, n_cycles):
-    body_parts, x0, gait = BodyParts.of(promenade, "pierrot"), promenade.rest(), Gait()
+    body_parts, x0, gait = BodyParts.for_puppet(promenade, "pierrot"), promenade.rest(), Gait()
     inputs = gait.inputs(promenade, 8, x0)  # cycles of the right leg begin at 3.15 s, 4.95 s, ...
     run = fan.simulate(promenade, x0, inputs, end, method=fan.TimeStepping(dt=2e-3), save_every=4)
     feet = footfalls(body_parts, run, gait, 8)
@@ -236,7 +238,7 @@ def test_puppets_stand_alike_in_every_direction():
         heading = Orientation(axis=(0, 0, 1), angle=turn)
         member = Member(name="dog", puppet=dog, at=(0.3, 0.2, 0.0), orientation=heading)
         stage = fan.Marionette(Scene(scene="floor", floor=0.0, puppets=(member,)))
-        lengths.append(standing_lengths(BodyParts.of(stage, "dog"), stage.rest()))
+        lengths.append(standing_lengths(BodyParts.for_puppet(stage, "dog"), stage.rest()))
     assert lengths[1] == pytest.approx(lengths[0], abs=1e-5)
 
 
@@ -252,7 +254,7 @@ def test_a_walk_backward_is_not_a_walk_forward(promenade):
     x0, steps = promenade.rest(), 6
     inputs = dataclasses.replace(PROMENADE, stride=-0.1).inputs(promenade, steps, x0)
     run = fan.simulate(promenade, x0, inputs, method=fan.TimeStepping(dt=2e-3), save_every=4)
-    body_parts = BodyParts.of(promenade, "pierrot")
+    body_parts = BodyParts.for_puppet(promenade, "pierrot")
     backward = footfalls(body_parts, run, dataclasses.replace(PROMENADE, stride=-0.1), steps)
     assert backward.wanted_distance < 0.0
     assert backward.distance == pytest.approx(backward.wanted_distance, abs=0.02)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import jsonschema
 import numpy as np
 import pytest
-from tests.gestures.able import gestures_of
+from tests.gestures.available import available_gestures
 
 import fantoccini as fan
 from fantoccini.base.documents.located import read_file
@@ -14,7 +14,7 @@ from fantoccini.theatre.gestures import gesture_schema, load_gesture
 
 pytestmark = pytest.mark.medium
 
-GOOD = """\
+MOVES_FILE = """\
 gesture: greet
 about: The right hand goes up.
 moves:
@@ -22,7 +22,7 @@ moves:
   hand_right.out: [[0, 0], [1, 0.03], [2, 0]]
 marks: {up: 1}
 """
-POSED = """\
+POSES_FILE = """\
 gesture: reach
 poses:
   strings: [hand_right]
@@ -32,7 +32,7 @@ poses:
 """
 
 
-def written(tmp_path, text: str):
+def write_gesture(tmp_path, text: str):
     path = tmp_path / "gesture.yaml"
     path.write_text(text, encoding="utf-8")
     return path
@@ -43,17 +43,17 @@ def check_hand(
 ) -> fan.State:
     """State of rest after one second; its hand is at the place of POSED."""
     q_K, _, _ = gesture.inputs(x0).evaluate(1.0)
-    hangs = marionette.rest(dict(zip(marionette.coordinates.q_K, q_K, strict=True)))
-    place = []
-    for x in (x0, hangs):
+    hanging_state = marionette.rest(dict(zip(marionette.coordinates.q_K, q_K, strict=True)))
+    positions = []
+    for x in (x0, hanging_state):
         pose = marionette.pose(x, "forearm_right")
-        place.append(pose[:3, 3] + pose[:3, :3] @ [0.0, 0.0, -0.09])
-    np.testing.assert_allclose(place[1] - place[0], [0.02, 0.0, 0.06], atol=1e-4)
-    return hangs
+        positions.append(pose[:3, 3] + pose[:3, :3] @ [0.0, 0.0, -0.09])
+    np.testing.assert_allclose(positions[1] - positions[0], [0.02, 0.0, 0.06], atol=1e-4)
+    return hanging_state
 
 
 def test_bundled_gestures_move_their_coordinates(marionette):
-    assert set(gestures_of(marionette)) == {
+    assert set(available_gestures(marionette)) == {
         "bow",
         "breathe",
         "clap",
@@ -70,15 +70,15 @@ def test_bundled_gestures_move_their_coordinates(marionette):
         "walk",
         "wave",
     }
-    for name, gesture in gestures_of(marionette).items():
+    for name, gesture in available_gestures(marionette).items():
         assert gesture.name == name and gesture.uses
         assert all(0.0 <= t <= gesture.duration for t in gesture.marks.values())
     assert fan.theatre.load_gesture(marionette, "wave").uses == ("hand_right",)
 
 
 def test_a_file_equals_a_gesture_in_python(marionette, tmp_path):
-    read = fan.theatre.load_gesture(marionette, written(tmp_path, GOOD))
-    gesture = fan.theatre.Gesture.of(
+    read = fan.theatre.load_gesture(marionette, write_gesture(tmp_path, MOVES_FILE))
+    gesture = fan.theatre.Gesture.from_points(
         marionette,
         {
             "hand_right.length": [(0, 0), (1, -0.2), (2, 0)],
@@ -91,7 +91,7 @@ def test_a_file_equals_a_gesture_in_python(marionette, tmp_path):
 
 
 def test_the_puppet_hangs_at_its_key_poses(marionette, tmp_path):
-    gesture = fan.theatre.load_gesture(marionette, written(tmp_path, POSED))
+    gesture = fan.theatre.load_gesture(marionette, write_gesture(tmp_path, POSES_FILE))
     assert gesture.uses == ("hand_right",)
     x0 = marionette.rest()
     check_hand(marionette, x0, gesture)
@@ -100,17 +100,17 @@ def test_the_puppet_hangs_at_its_key_poses(marionette, tmp_path):
 def test_key_poses_include_other_motions(marionette, tmp_path):
     """The hand is at its target while the body is lowered by one centimetre."""
     text = (
-        POSED
+        POSES_FILE
         + "moves:\n"
         + "".join(
             f"  {name}.down: [[0, 0], [1, 10 mm], [2, 0]]\n"
             for name in ("head", "shoulder_left", "shoulder_right")
         )
     )
-    gesture = fan.theatre.load_gesture(marionette, written(tmp_path, text))
+    gesture = fan.theatre.load_gesture(marionette, write_gesture(tmp_path, text))
     x0 = marionette.rest()
-    hangs = check_hand(marionette, x0, gesture)
-    assert marionette.pose(hangs, "torso")[2, 3] < marionette.pose(x0, "torso")[2, 3] - 5e-3
+    hanging_state = check_hand(marionette, x0, gesture)
+    assert marionette.pose(hanging_state, "torso")[2, 3] < marionette.pose(x0, "torso")[2, 3] - 5e-3
 
 
 def test_a_folder_of_the_same_name_hides_no_bundled_gesture(marionette, tmp_path, monkeypatch):
@@ -122,8 +122,8 @@ def test_a_folder_of_the_same_name_hides_no_bundled_gesture(marionette, tmp_path
 def test_the_schema_takes_gestures_and_refuses_others(tmp_path):
     schema = gesture_schema()
     jsonschema.Draft202012Validator.check_schema(schema)
-    for text in (GOOD, POSED):
-        jsonschema.validate(read_file(written(tmp_path, text)).data, schema)
+    for text in (MOVES_FILE, POSES_FILE):
+        jsonschema.validate(read_file(write_gesture(tmp_path, text)).data, schema)
     with pytest.raises(jsonschema.ValidationError):
         jsonschema.validate({"gesture": "x", "move": {}}, schema)
 
@@ -131,25 +131,30 @@ def test_the_schema_takes_gestures_and_refuses_others(tmp_path):
 @pytest.mark.parametrize(
     ("text", "change", "line", "message"),
     [
-        (GOOD, ("hand_right.up", "hand_rigt.up"), 4, "did you mean 'hand_right.up'"),
-        (GOOD, ("20 cm", "20 inches"), 4, "needed: a length"),
-        (GOOD, ("[2, 0]]\nmarks", "[1, 0]]\nmarks"), 5, "a step in position"),
-        (GOOD, ("{up: 1}", "{up: 7}"), 6, "the gesture ends at 2 s"),
-        (GOOD, ("about", "abuot"), 2, "did you mean 'about'"),
-        (POSED, ("[hand_right]", "[hand_rigt]"), 3, "did you mean 'hand_right'"),
-        (POSED, ("[0, 1, 2]", "[0, 1]"), 5, "found 3 places at 2 times"),
-        (POSED, ("[0, 1, 2]", "[0, 2, 2]"), 4, "times must increase"),
-        (POSED, ("of: {forearm_right", "of: {forarm_right"), 6, "did you mean 'forearm_right'"),
-        (POSED.replace("forearm_right", "forarm_right"), ("reach", "grab"), 5, "forarm_right"),
-        (POSED, ("0.06]", "1.5]"), 4, "at 1 s"),
+        (MOVES_FILE, ("hand_right.up", "hand_rigt.up"), 4, "did you mean 'hand_right.up'"),
+        (MOVES_FILE, ("20 cm", "20 inches"), 4, "needed: a length"),
+        (MOVES_FILE, ("[2, 0]]\nmarks", "[1, 0]]\nmarks"), 5, "a step in position"),
+        (MOVES_FILE, ("{up: 1}", "{up: 7}"), 6, "the gesture ends at 2 s"),
+        (MOVES_FILE, ("about", "abuot"), 2, "did you mean 'about'"),
+        (POSES_FILE, ("[hand_right]", "[hand_rigt]"), 3, "did you mean 'hand_right'"),
+        (POSES_FILE, ("[0, 1, 2]", "[0, 1]"), 5, "found 3 places at 2 times"),
+        (POSES_FILE, ("[0, 1, 2]", "[0, 2, 2]"), 4, "times must increase"),
+        (
+            POSES_FILE,
+            ("of: {forearm_right", "of: {forarm_right"),
+            6,
+            "did you mean 'forearm_right'",
+        ),
+        (POSES_FILE.replace("forearm_right", "forarm_right"), ("reach", "grab"), 5, "forarm_right"),
+        (POSES_FILE, ("0.06]", "1.5]"), 4, "at 1 s"),
     ],
 )
 def test_mistakes_have_places(marionette, tmp_path, text, change, line, message):
     assert change[0] in text
-    path = written(tmp_path, text.replace(*change))
-    with pytest.raises(FileError, match=message) as caught:
+    path = write_gesture(tmp_path, text.replace(*change))
+    with pytest.raises(FileError, match=message) as error:
         fan.theatre.load_gesture(marionette, path)
-    assert f"gesture.yaml:{line}" in str(caught.value)
+    assert f"gesture.yaml:{line}" in str(error.value)
 
 
 def test_a_missing_file_is_named(marionette):
@@ -172,22 +177,22 @@ OTHER_STRINGS = {
 
 @pytest.mark.parametrize(("name", "message"), OTHER_STRINGS.items(), ids=OTHER_STRINGS)
 def test_a_bundled_gesture_says_in_one_sentence_what_a_puppet_lacks(name, message):
-    with pytest.raises(FileError) as caught:
+    with pytest.raises(FileError) as error:
         load_gesture(fan.puppets.stand6(), name)
-    assert str(caught.value) == message
+    assert str(error.value) == message
 
 
 def test_a_bundled_gesture_moves_strings_on_motors():
     names = ("head", "shoulder_left", "shoulder_right")
     end = "{driven: [x, y], at: [0, 0, 1]}"
     strings = [f"{{name: {n}, path: [{{body: bar}}, {end}], length: driven}}" for n in names]
-    law = "control: {type: pd, stiffness: 9, damping: 1}"
-    drives = [f"{{on: {n}.length, mass: 1.5, {law}}}" for n in names]
+    control_text = "control: {type: pd, stiffness: 9, damping: 1}"
+    drives = [f"{{on: {n}.length, mass: 1.5, {control_text}}}" for n in names]
     bar = "{name: bar, joint: {type: free}, mass: 1, inertia: [0.1, 0.1, 0.1]}"
-    lists = f"strings: [{', '.join(strings)}]\ndrives: [{', '.join(drives)}]"
+    strings_text = f"strings: [{', '.join(strings)}]\ndrives: [{', '.join(drives)}]"
     rig = "trunk: [bar], facing: [1, 0, 0], limbs: [], head: {body: top, end: [0, 0, 0]}"
     rig += ", carrying: [shoulder_left, shoulder_right], looking: [head]"
     bodies = f"bodies: [{bar}, {{name: top, parent: bar}}]"
-    puppet = fan.loads(f"puppet: hung\n{bodies}\n{lists}\nrig: {{{rig}}}\n")
+    puppet = fan.loads(f"puppet: hung\n{bodies}\n{strings_text}\nrig: {{{rig}}}\n")
     gesture = load_gesture(puppet, "stand")
     assert "head.command" in repr(gesture)

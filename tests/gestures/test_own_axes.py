@@ -27,7 +27,7 @@ TURN = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 QUARTER = [float(np.sqrt(0.5)), 0.0, 0.0, float(np.sqrt(0.5))]
 
 
-def written(name: str, change: Callable[[dict[str, Any]], None]) -> fan.Marionette:
+def puppet_with_change(name: str, change: Callable[[dict[str, Any]], None]) -> fan.Marionette:
     """A bundled puppet with both halves written out, after a change of its document."""
     data = YAML(typ="safe").load(scene.loads(bundled(name).read_text()).expanded().to_yaml())
     change(data)
@@ -40,42 +40,42 @@ def _dumped(data: dict[str, Any]) -> str:
     return stream.getvalue()
 
 
-def turned(at: list[float]) -> list[float]:
+def turn_left(at: list[float]) -> list[float]:
     x, y, z = at
     return [-y, x, z]
 
 
-def with_its_bar(data: dict[str, Any]) -> None:
+def turn_with_bar(data: dict[str, Any]) -> None:
     """The control is turned with the puppet."""
     data["pose"] |= {"torso.rotation": QUARTER, "bar.rotation": QUARTER}
 
 
-def along_its_bar(data: dict[str, Any]) -> None:
+def turn_without_bar(data: dict[str, Any]) -> None:
     """The frame of the control is not turned: everything on it is written along y."""
     data["pose"] |= {"torso.rotation": QUARTER}
     bars = ("bar", "leg_bar", "hand_bar")
     for body in data["bodies"]:
         if body["name"] in bars:
             joint = body["joint"]
-            joint |= {key: turned(joint[key]) for key in ("at", "axis") if key in joint}
+            joint |= {key: turn_left(joint[key]) for key in ("at", "axis") if key in joint}
             body["shapes"] = []
             body |= {"mass": 0.1, "com": [0.0, 0.0, 0.0], "inertia": [1e-4, 1e-4, 1e-4]}
     for string in data["strings"]:
         for point in string["path"]:
             if point.get("body") in bars:
-                point["at"] = turned(point["at"])
+                point["at"] = turn_left(point["at"])
 
 
-def ends_along_y(data: dict[str, Any]) -> None:
+def turn_string_ends(data: dict[str, Any]) -> None:
     """Strings whose ends move along x and y of the world."""
     data["pose"] |= {"torso.rotation": QUARTER}
     for string in data["strings"]:
-        string["path"][1]["at"] = turned(string["path"][1]["at"])
+        string["path"][1]["at"] = turn_left(string["path"][1]["at"])
 
 
-@pytest.fixture(scope="module", params=[with_its_bar, along_its_bar])
-def looking_left(request) -> fan.Marionette:
-    return written("airplane", request.param)
+@pytest.fixture(scope="module", params=[turn_with_bar, turn_without_bar])
+def turned_airplane(request) -> fan.Marionette:
+    return puppet_with_change("airplane", request.param)
 
 
 @pytest.fixture(scope="module")
@@ -96,7 +96,7 @@ def places(puppet: fan.Marionette, q_D: np.ndarray, q_K: np.ndarray) -> dict[str
     return strings
 
 
-def held(puppet: fan.Marionette, gesture: Gesture) -> dict[str, np.ndarray]:
+def hand_ends(puppet: fan.Marionette, gesture: Gesture) -> dict[str, np.ndarray]:
     """Ends of the strings in the hands during a gesture, with the puppet at its file's pose."""
     x0 = puppet.state()
     inputs = gesture.inputs(x0)
@@ -104,39 +104,41 @@ def held(puppet: fan.Marionette, gesture: Gesture) -> dict[str, np.ndarray]:
     return {name: ends[:, 1] for name, ends in places(puppet, x0.q_D[None], q_K).items()}
 
 
-def assert_turned(actual: dict[str, np.ndarray], wanted: dict[str, np.ndarray]) -> None:
-    assert actual.keys() == wanted.keys()
-    for name, points in wanted.items():
+def assert_turned(actual: dict[str, np.ndarray], expected: dict[str, np.ndarray]) -> None:
+    assert actual.keys() == expected.keys()
+    for name, points in expected.items():
         np.testing.assert_allclose(actual[name], points @ TURN.T, atol=1e-9, err_msg=name)
 
 
 @pytest.mark.parametrize("name", ["nod", "bow", "jump", "march", "walk", "wave"])
-def test_a_control_moves_in_the_direction_of_its_puppet(airplane, looking_left, name):
-    gestures = [load_gesture(puppet, name) for puppet in (looking_left, airplane)]
-    assert_turned(*(held(x, y) for x, y in zip((looking_left, airplane), gestures, strict=True)))
+def test_a_control_moves_in_the_direction_of_its_puppet(airplane, turned_airplane, name):
+    gestures = [load_gesture(puppet, name) for puppet in (turned_airplane, airplane)]
+    assert_turned(
+        *(hand_ends(x, y) for x, y in zip((turned_airplane, airplane), gestures, strict=True))
+    )
 
 
 @pytest.mark.parametrize("name", ["march", "walk", "wave"])
-def test_the_mirror_image_is_that_in_the_puppets_own_plane(airplane, looking_left, name):
-    moved = []
-    for puppet in (looking_left, airplane):
-        image, _ = Style(mirrored=True).varied(load_gesture(puppet, name), puppet)
-        moved.append(held(puppet, image))
-    assert_turned(*moved)
+def test_the_mirror_image_is_that_in_the_puppets_own_plane(airplane, turned_airplane, name):
+    paths = []
+    for puppet in (turned_airplane, airplane):
+        image, _ = Style(mirrored=True).apply(load_gesture(puppet, name), puppet)
+        paths.append(hand_ends(puppet, image))
+    assert_turned(*paths)
 
 
 def test_ends_of_strings_have_their_mirror_image_in_the_puppets_own_plane(marionette):
-    left = written("marionette", ends_along_y)
+    left = puppet_with_change("marionette", turn_string_ends)
     for name in ("wave", "shake"):
-        moved = []
+        paths = []
         for puppet in (left, marionette):
-            image, _ = Style(mirrored=True).varied(load_gesture(puppet, name), puppet)
-            moved.append(held(puppet, image))
-        assert_turned(*moved)
+            image, _ = Style(mirrored=True).apply(load_gesture(puppet, name), puppet)
+            paths.append(hand_ends(puppet, image))
+        assert_turned(*paths)
 
 
 def test_a_whole_run_of_a_walk_on_a_control_is_turned(airplane):
-    left = written("airplane", with_its_bar)
+    left = puppet_with_change("airplane", turn_with_bar)
     x0 = airplane.rest()
     values = {name: float(x0[name]) for name in coordinate_names(airplane)}
     for owner in ("torso", "bar"):
@@ -225,6 +227,6 @@ rig: {trunk: [trunk], facing: [1, 0, 0], limbs: [], carrying: [left, right]}
         "- {name: columbine, puppet: turning.yaml, at: [1, 0, 0]}\n"
     )
     puppet = fan.load(path)
-    turn = Gesture.of(puppet, {"pierrot.x": [(0, 0), (1, "20 deg")]})
+    turn = Gesture.from_points(puppet, {"pierrot.x": [(0, 0), (1, "20 deg")]})
     np.testing.assert_allclose(turn.mirrored(puppet).offsets(1.0)[0], -turn.offsets(1.0)[0])
     np.testing.assert_allclose(turn.turned(0.3).offsets(1.0)[0], turn.offsets(1.0)[0])

@@ -7,7 +7,7 @@ import pytest
 
 import fantoccini as fan
 from fantoccini.base.errors import StateError
-from fantoccini.theatre.gestures import lateness
+from fantoccini.theatre.gestures import measure_lateness
 
 pytestmark = pytest.mark.slow
 
@@ -30,7 +30,7 @@ captions:
 """
 
 
-def hand(puppet: fan.Marionette, run: fan.Trajectory) -> np.ndarray:
+def hand_positions(puppet: fan.Marionette, run: fan.Trajectory) -> np.ndarray:
     """(T, 3) places of the right hand in a run."""
     pose = puppet.poses(run.q_D, run.q_K)[:, puppet.link_index(HAND[0])]
     return pose[:, :, 3] + pose[:, :, :3] @ HAND[1]
@@ -38,11 +38,11 @@ def hand(puppet: fan.Marionette, run: fan.Trajectory) -> np.ndarray:
 
 def outermost(t: np.ndarray, y: np.ndarray, mark: float) -> float:
     """Time, within 0.3 s of a mark, at which the right hand is farthest to the right."""
-    near = np.flatnonzero(np.abs(t - mark) < 0.3)
-    return float(t[near[np.argmin(y[near])]])
+    nearby = np.flatnonzero(np.abs(t - mark) < 0.3)
+    return float(t[nearby[np.argmin(y[nearby])]])
 
 
-def load(marionette, folder, text: str) -> fan.theatre.Score:
+def load_number(marionette, folder, text: str) -> fan.theatre.Score:
     path = folder / "number.yaml"
     path.write_text(text, encoding="utf-8")
     return fan.load_score(marionette, path)
@@ -50,7 +50,7 @@ def load(marionette, folder, text: str) -> fan.theatre.Score:
 
 @pytest.fixture(scope="module")
 def rehearsal(marionette, tmp_path_factory):
-    return fan.theatre.rehearse(load(marionette, tmp_path_factory.mktemp("scores"), SCORE))
+    return fan.theatre.rehearse(load_number(marionette, tmp_path_factory.mktemp("scores"), SCORE))
 
 
 def test_walk_in_place_wave_and_bow_are_on_the_beat(rehearsal):
@@ -61,22 +61,22 @@ def test_walk_in_place_wave_and_bow_are_on_the_beat(rehearsal):
     wave = next(cue for cue in score.cues if cue.gesture == "wave")
     t = np.arange(0.0, score.duration, 0.002)
     x0 = score.marionette.rest()
-    plain = fan.simulate(score.marionette, x0, score.inputs(x0))
-    late = {}
-    for name, run in (("plain", plain), ("rehearsed", rehearsal.run)):
+    unrehearsed_run = fan.simulate(score.marionette, x0, score.inputs(x0))
+    delays = {}
+    for name, run in (("plain", unrehearsed_run), ("rehearsed", rehearsal.run)):
         assert run.method == "event"
-        y = hand(score.marionette, run.resample(np.minimum(t, run.t[-1])))[:, 1]
+        y = hand_positions(score.marionette, run.resample(np.minimum(t, run.t[-1])))[:, 1]
         marks = [wave.marks[mark] for mark in ("first", "second", "third")]
-        late[name] = [outermost(t, y, mark) - mark for mark in marks]
-    assert np.max(np.abs(late["plain"])) > 0.1
-    assert np.max(np.abs(late["rehearsed"])) <= 0.02
+        delays[name] = [outermost(t, y, mark) - mark for mark in marks]
+    assert np.max(np.abs(delays["plain"])) > 0.1
+    assert np.max(np.abs(delays["rehearsed"])) <= 0.02
 
 
 def test_lateness_agrees_with_the_path(rehearsal):
-    assert rehearsal.late == lateness(rehearsal.score, rehearsal.run)
-    assert max(abs(late.seconds) for late in rehearsal.late) <= 0.02
-    assert max(abs(late.seconds) for late in rehearsal.before) > 0.1
-    strings = {(late.cue.gesture, late.string) for late in rehearsal.late}
+    assert rehearsal.final_lateness == measure_lateness(rehearsal.score, rehearsal.run)
+    assert max(abs(limb.seconds) for limb in rehearsal.final_lateness) <= 0.02
+    assert max(abs(limb.seconds) for limb in rehearsal.initial_lateness) > 0.1
+    strings = {(limb.cue.gesture, limb.string) for limb in rehearsal.final_lateness}
     assert strings == {("march", "knee_left"), ("march", "knee_right"), ("wave", "hand_right")}
 
 
@@ -93,4 +93,4 @@ def test_the_bounds_hold_and_the_inputs_are_those_of_the_run(rehearsal):
 
 def test_scores_that_cannot_be_rehearsed_are_refused(marionette, tmp_path):
     with pytest.raises(StateError, match="contact"):
-        fan.theatre.rehearse(load(fan.puppets.promenade(), tmp_path, SCORE))
+        fan.theatre.rehearse(load_number(fan.puppets.promenade(), tmp_path, SCORE))

@@ -48,39 +48,39 @@ captions:
 """
 
 
-def written(tmp_path, text: str):
+def write_score(tmp_path, text: str):
     path = tmp_path / "number.yaml"
     path.write_text(text, encoding="utf-8")
     return path
 
 
-def of(score: fan.theatre.Score, gesture: str):
+def find_cue(score: fan.theatre.Score, gesture: str):
     return next(cue for cue in score.cues if cue.gesture == gesture)
 
 
 def test_gestures_are_on_their_beats(marionette, tmp_path):
-    path = written(tmp_path, NUMBER)
+    path = write_score(tmp_path, NUMBER)
     score = fan.load_score(marionette, path)
     assert score and is_score(path) and score.beat == pytest.approx(0.6)
-    assert of(score, "wave").marks["first"] == pytest.approx(8 * 0.6)
-    assert of(score, "bow").marks["low"] == pytest.approx(26 * 0.6)
-    assert of(score, "point").start == pytest.approx(20 * 0.6)
-    march = of(score, "march")
+    assert find_cue(score, "wave").marks["first"] == pytest.approx(8 * 0.6)
+    assert find_cue(score, "bow").marks["low"] == pytest.approx(26 * 0.6)
+    assert find_cue(score, "point").start == pytest.approx(20 * 0.6)
+    march = find_cue(score, "march")
     assert march.start == pytest.approx(1.2)
     assert march.end == pytest.approx(1.2 + 4 * 4 * 0.6)
     assert score.marks == {"turn": pytest.approx(14.4)}
     assert score.captions[0].start == pytest.approx(1.2)
-    assert score.duration == pytest.approx(of(score, "bow").end)
+    assert score.duration == pytest.approx(find_cue(score, "bow").end)
 
 
 def test_lanes_add_up(marionette, tmp_path):
     """The result is the sum of the lanes' motions, each in a score of its own, at every time."""
     x0 = marionette.rest()
-    whole = fan.load_score(marionette, written(tmp_path, NUMBER)).inputs(x0)
+    whole = fan.load_score(marionette, write_score(tmp_path, NUMBER)).inputs(x0)
     t = np.linspace(0.0, whole.end, 301)
     total = np.zeros((len(t), marionette.coordinates.n_qK))
     for lane in LANES:
-        motion = fan.load_score(marionette, written(tmp_path, HEAD + lane)).inputs(x0)
+        motion = fan.load_score(marionette, write_score(tmp_path, HEAD + lane)).inputs(x0)
         total += motion.evaluate(t)[0] - x0.q_K
     np.testing.assert_allclose(whole.evaluate(t)[0] - x0.q_K, total, atol=1e-12)
 
@@ -93,23 +93,23 @@ lanes:
     - {gesture: sit, at: 0}
     - {gesture: bow, at: 1.3}
 """
-    score = fan.load_score(marionette, written(tmp_path, text))
+    score = fan.load_score(marionette, write_score(tmp_path, text))
     assert not score and len(score.changes) == 1
     change = str(score.changes[0])
     assert "number.yaml:5" in change and "instead of at 1.30 s" in change and "after sit" in change
-    bow = of(score, "bow")
+    bow = find_cue(score, "bow")
     assert bow.start > 1.3 and f"at {bow.start:.2f} s" in change
 
 
 def test_a_cue_before_the_end_of_another_waits_for_it(marionette, tmp_path):
     text = "score: late\nlanes: {body: [{gesture: wave, at: 0}, {gesture: bow, at: 1}]}\n"
-    (change,) = fan.load_score(marionette, written(tmp_path, text)).changes
+    (change,) = fan.load_score(marionette, write_score(tmp_path, text)).changes
     assert "bow begins at 3.80 s instead of at 1.00 s: wave ends at 3.80 s" in str(change)
 
 
 def test_gestures_with_different_ends_take_longer_to_repeat(marionette, tmp_path):
     text = "score: late\nlanes: {body: [{gesture: sit, lasts: 4, repeat: 3}]}\n"
-    score = fan.load_score(marionette, written(tmp_path, text))
+    score = fan.load_score(marionette, write_score(tmp_path, text))
     (change,) = score.changes
     assert f"sit takes {score.duration:.2f} s instead of 12.00 s" in str(change)
 
@@ -121,7 +121,7 @@ lanes: {body: [{gesture: nod}]}
 marks: {never: 500}
 captions: [{at: 1, until: 200, text: Too late}]
 """
-    changes = fan.load_score(marionette, written(tmp_path, text)).changes
+    changes = fan.load_score(marionette, write_score(tmp_path, text)).changes
     assert [change.line for change in changes] == [3, 4]
 
 
@@ -138,25 +138,25 @@ lanes:
     - {gesture: march}
     - {gesture: march, lasts: 0.5, at: 3}
 """
-    changes = fan.load_score(marionette, written(tmp_path, text)).changes
+    changes = fan.load_score(marionette, write_score(tmp_path, text)).changes
     lines = sorted({change.line for change in changes})
     assert lines == [8, 10] and all("knee_" in str(change) for change in changes)
     # A bound just above the largest acceleration is kept.
     bow = fan.theatre.load_gesture(marionette, "bow")
     bound = 1.003 * bow.peaks[1].max()
     text = f"score: near\nacceleration: {bound}\nlanes: {{body: [{{gesture: bow}}]}}\n"
-    assert fan.load_score(marionette, written(tmp_path, text))
+    assert fan.load_score(marionette, write_score(tmp_path, text))
 
 
 def test_exceeded_bounds_are_reported(marionette, tmp_path):
     text = NUMBER.replace("lasts: 4", "lasts: 1")
-    score = fan.load_score(marionette, written(tmp_path, text))
+    score = fan.load_score(marionette, write_score(tmp_path, text))
     assert not score
     for change in score.changes:
         assert "number.yaml:8" in str(change) and "the bound is 12" in str(change)
     _, _, acceleration = score.inputs(marionette.rest()).evaluate(np.linspace(0.0, 5.0, 5001))
     assert np.abs(acceleration).max() > 12.0
-    good = fan.load_score(marionette, written(tmp_path, NUMBER)).inputs(marionette.rest())
+    good = fan.load_score(marionette, write_score(tmp_path, NUMBER)).inputs(marionette.rest())
     _, speed, acceleration = good.evaluate(np.linspace(0.0, good.end, 20001))
     assert np.abs(speed).max() <= 1.2 and np.abs(acceleration).max() <= 12.0
 
@@ -166,11 +166,11 @@ def test_gestures_may_be_in_the_folder_of_the_score(marionette, tmp_path):
         "gesture: lift\nmoves: {hand_left.up: [[0, 0], [1, 9 cm]]}\n", encoding="utf-8"
     )
     text = "score: own\nlanes: {arm: [{gesture: lift.yaml, larger: 2}]}\n"
-    score = fan.load_score(marionette, written(tmp_path, text))
+    score = fan.load_score(marionette, write_score(tmp_path, text))
     x0 = marionette.rest()
-    moved = score.inputs(x0).evaluate(1.0)[0] - x0.q_K
+    offsets = score.inputs(x0).evaluate(1.0)[0] - x0.q_K
     i = marionette.coordinates.q_K.index("hand_left.length")
-    assert moved[i] == pytest.approx(-0.18) and np.count_nonzero(moved) == 1
+    assert offsets[i] == pytest.approx(-0.18) and np.count_nonzero(offsets) == 1
 
 
 def test_files_in_the_folder_may_be_named_without_their_ending(marionette, tmp_path):
@@ -179,30 +179,30 @@ def test_files_in_the_folder_may_be_named_without_their_ending(marionette, tmp_p
     (tmp_path / "lift.yaml").write_text(lift, encoding="utf-8")
     (tmp_path / "bow.yaml").write_text("score: bow\nlanes: {arm: [{gesture: bow}]}\n")
     text = "score: own\nlanes: {arm: [{gesture: lift}], body: [{gesture: bow, at: 2}]}\n"
-    score = fan.load_score(marionette, written(tmp_path, text))
-    assert len(of(score, "lift").marks) == 0 and of(score, "bow").marks
+    score = fan.load_score(marionette, write_score(tmp_path, text))
+    assert len(find_cue(score, "lift").marks) == 0 and find_cue(score, "bow").marks
     (tmp_path / "bow.yaml").write_text(lift.replace("lift", "bow"))
     message = "'bow' is bow.yaml and a bundled gesture; write bow.yaml for the file, or rename it"
     with pytest.raises(FileError, match=f"number.yaml:2: lanes.body.0..gesture: {message}"):
-        fan.load_score(marionette, written(tmp_path, text))
+        fan.load_score(marionette, write_score(tmp_path, text))
     (tmp_path / "lift.yml").write_text(lift, encoding="utf-8")
     with pytest.raises(FileError, match=r"'lift' is lift\.yaml and lift\.yml; write"):
-        fan.load_score(marionette, written(tmp_path, text))
+        fan.load_score(marionette, write_score(tmp_path, text))
     with pytest.raises(FileError, match="no bundled gesture, is called 'lfit'"):
         fan.load_score(
-            marionette, written(tmp_path, text.replace("gesture: lift", "gesture: lfit"))
+            marionette, write_score(tmp_path, text.replace("gesture: lift", "gesture: lfit"))
         )
 
 
 def test_the_schema_takes_scores_and_refuses_others(tmp_path):
     schema = score_schema()
     jsonschema.Draft202012Validator.check_schema(schema)
-    jsonschema.validate(read_file(written(tmp_path, NUMBER)).data, schema)
+    jsonschema.validate(read_file(write_score(tmp_path, NUMBER)).data, schema)
     with pytest.raises(jsonschema.ValidationError):
         jsonschema.validate({"score": "x", "lanes": {"a": [{"gestur": "bow"}]}}, schema)
 
 
-def silence(path, seconds: float) -> None:
+def write_silence(path, seconds: float) -> None:
     with wave.open(str(path), "wb") as file:
         file.setnchannels(1)
         file.setsampwidth(2)
@@ -211,20 +211,20 @@ def silence(path, seconds: float) -> None:
 
 
 def test_sounds_are_in_the_folder_of_the_score(marionette, tmp_path):
-    silence(tmp_path / "a.wav", 1.5)
+    write_silence(tmp_path / "a.wav", 1.5)
     for text, starts in (
         ("sound: a.wav\n", [0.0]),
         ("sound: {file: a.wav, at: turn, gain: 0.5}\n", [14.4]),
         ("sound: [{file: a.wav}, {file: a.wav, at: wave.up}]\n", [0.0, (8.0 - 0.25 / 0.6) * 0.6]),
     ):
-        score = fan.load_score(marionette, written(tmp_path, NUMBER + text))
+        score = fan.load_score(marionette, write_score(tmp_path, NUMBER + text))
         jsonschema.validate(read_file(tmp_path / "number.yaml").data, score_schema())
         assert [sound.start for sound in score.sounds] == pytest.approx(starts)
         assert all(sound.path.samefile(tmp_path / "a.wav") for sound in score.sounds)
         assert score.sounds[0].duration == pytest.approx(1.5, abs=0.01)
         assert score.sounds[0].gain == (0.5 if "gain" in text else 1.0)
-    late = "sound: {file: a.wav, at: 90}\n"
-    (change,) = fan.load_score(marionette, written(tmp_path, NUMBER + late)).changes
+    late_sound = "sound: {file: a.wav, at: 90}\n"
+    (change,) = fan.load_score(marionette, write_score(tmp_path, NUMBER + late_sound)).changes
     assert change.line == 16 and "the score ends" in str(change)
 
 
@@ -242,11 +242,11 @@ def test_sounds_are_in_the_folder_of_the_score(marionette, tmp_path):
     ],
 )
 def test_mistakes_in_sounds_have_places(marionette, tmp_path, sound, message):
-    silence(tmp_path / "a.wav", 0.5)
+    write_silence(tmp_path / "a.wav", 0.5)
     (tmp_path / "broken.mp3").write_bytes(b"no sound")
-    with pytest.raises(FileError, match=message) as caught:
-        fan.load_score(marionette, written(tmp_path, NUMBER + sound + "\n"))
-    assert "number.yaml:16: sound" in str(caught.value)
+    with pytest.raises(FileError, match=message) as error:
+        fan.load_score(marionette, write_score(tmp_path, NUMBER + sound + "\n"))
+    assert "number.yaml:16: sound" in str(error.value)
 
 
 @pytest.mark.parametrize(
@@ -277,20 +277,23 @@ def test_mistakes_in_sounds_have_places(marionette, tmp_path, sound, message):
 )
 def test_mistakes_have_places(marionette, tmp_path, change, line, message):
     assert change[0] in NUMBER
-    path = written(tmp_path, NUMBER.replace(*change))
-    with pytest.raises(FileError, match=message) as caught:
+    path = write_score(tmp_path, NUMBER.replace(*change))
+    with pytest.raises(FileError, match=message) as error:
         fan.load_score(marionette, path)
-    assert f"number.yaml:{line}" in str(caught.value)
+    assert f"number.yaml:{line}" in str(error.value)
 
 
 def test_a_score_is_an_input_of_the_command_line(tmp_path):
-    silence(tmp_path / "a.wav", 1.0)
-    more = "sound: a.wav\nwaits: {curtain: {at: 1, loop: 0}}\n"
-    path = written(tmp_path, NUMBER.replace("lasts: 4", "lasts: 1") + more)
-    checked = fantoccini("check", "marionette", "--inputs", str(path))
-    assert checked.exit_code == 0 and "the bound is 12" in checked.stderr
-    assert "waits for GO at curtain, 0.60 s, repeating from 0.00 s" in checked.stdout
-    assert "a.wav from 0.00 s for 1.00 s" in checked.stdout and "1 caption\n" in checked.stdout
+    write_silence(tmp_path / "a.wav", 1.0)
+    sounds_and_waits = "sound: a.wav\nwaits: {curtain: {at: 1, loop: 0}}\n"
+    path = write_score(tmp_path, NUMBER.replace("lasts: 4", "lasts: 1") + sounds_and_waits)
+    check_result = fantoccini("check", "marionette", "--inputs", str(path))
+    assert check_result.exit_code == 0 and "the bound is 12" in check_result.stderr
+    assert "waits for GO at curtain, 0.60 s, repeating from 0.00 s" in check_result.stdout
+    assert (
+        "a.wav from 0.00 s for 1.00 s" in check_result.stdout
+        and "1 caption\n" in check_result.stdout
+    )
     out = tmp_path / "run.npz"
     done = fantoccini(
         "simulate",
@@ -312,7 +315,7 @@ def test_a_score_is_an_input_of_the_command_line(tmp_path):
 
 def test_check_calls_an_exceeded_bound_a_warning(marionette, tmp_path):
     """It counted "1 warning" below a line without this word."""
-    number = written(tmp_path, NUMBER.replace("lasts: 4", "lasts: 1"))
+    number = write_score(tmp_path, NUMBER.replace("lasts: 4", "lasts: 1"))
     result = fantoccini("check", "marionette", "--inputs", number)
     lines = [line for line in result.stderr.splitlines() if "the bound is 12" in line]
     assert lines and all(line.startswith(f"{number}:8: ") for line in lines)
@@ -326,7 +329,7 @@ def test_on_beat_rehearses_scores_only(tmp_path):
         "simulate",
         "marionette",
         "--inputs",
-        written(tmp_path, quick),
+        write_score(tmp_path, quick),
         "--on-beat",
         "--method",
         "timestepping",
@@ -334,14 +337,14 @@ def test_on_beat_rehearses_scores_only(tmp_path):
     assert done.exit_code == 0 and "knee_left" in done.stdout and "rehearsed" in done.stdout
     assert "no --inputs are given" in mistake("simulate", "marionette", "--on-beat")
     start = ("simulate", "marionette", "--on-beat", "--start", "elbow_left=0.1")
-    assert "--start is given" in mistake(*start, "--inputs", written(tmp_path, quick))
+    assert "--start is given" in mistake(*start, "--inputs", write_score(tmp_path, quick))
     greeting = Path(fan.puppets.path("marionette")).parent / "performances" / "greeting.yaml"
-    said = mistake("simulate", "marionette", "--on-beat", "--inputs", greeting)
-    assert "applies to a score, and" in said
+    output = mistake("simulate", "marionette", "--on-beat", "--inputs", greeting)
+    assert "applies to a score, and" in output
 
 
 def test_the_command_line_films_scores_with_their_sound(tmp_path):
-    silence(tmp_path / "a.wav", 0.5)
+    write_silence(tmp_path / "a.wav", 0.5)
     text = (
         "score: s\nsound: a.wav\nlanes: {legs: [{gesture: march}]}\n"
         "captions: [{at: march.left, until: march.end, text: Left}]\n"
@@ -351,7 +354,7 @@ def test_the_command_line_films_scores_with_their_sound(tmp_path):
         "simulate",
         "marionette",
         "--inputs",
-        written(tmp_path, text),
+        write_score(tmp_path, text),
         "--method",
         "timestepping",
         "--out",
@@ -365,5 +368,5 @@ def test_the_command_line_films_scores_with_their_sound(tmp_path):
     )
     assert done.exit_code == 0 and "a .gif is silent" in done.stderr
     command = [imageio_ffmpeg.get_ffmpeg_exe(), "-hide_banner", "-i", str(film)]
-    said = subprocess.run(command, capture_output=True, text=True, check=False).stderr
-    assert "Audio: aac" in said and "Video: h264" in said
+    output = subprocess.run(command, capture_output=True, text=True, check=False).stderr
+    assert "Audio: aac" in output and "Video: h264" in output

@@ -58,14 +58,14 @@ marks: {up: hello.up 3}
 """
 
 
-def load(marionette, folder, text: str) -> fan.theatre.Score:
+def load_number(marionette, folder, text: str) -> fan.theatre.Score:
     path = folder / "number.yaml"
     path.write_text(text, encoding="utf-8")
     return fan.load_score(marionette, path)
 
 
 def test_times_refer_to_cues_of_any_lane(marionette, tmp_path):
-    score = load(marionette, tmp_path, NUMBER)
+    score = load_number(marionette, tmp_path, NUMBER)
     assert score, score.changes
     nod, low, again, hello = score.cues
     assert hello.name == "hello" and hello.marks["up"] == pytest.approx(4 * 0.6)
@@ -73,9 +73,9 @@ def test_times_refer_to_cues_of_any_lane(marionette, tmp_path):
     assert low.marks["low"] == pytest.approx(score.marks["after"])
     assert nod.start == pytest.approx(low.marks["low"] + 0.6) and nod.name == "nod"
     assert again.start == pytest.approx(low.end)
-    (words,) = score.captions
-    assert words.start == pytest.approx(hello.marks["up"])
-    assert words.end == pytest.approx(nod.marks["second"] - 0.3)
+    (caption,) = score.captions
+    assert caption.start == pytest.approx(hello.marks["up"])
+    assert caption.end == pytest.approx(nod.marks["second"] - 0.3)
 
 
 def test_a_delay_moves_all_cues_that_refer_to_it(marionette, tmp_path):
@@ -85,14 +85,14 @@ lanes:
   head: [{gesture: nod, at: bow.start}]
   body: [{gesture: sit}, {gesture: bow, at: 1.3}]
 """
-    score = load(marionette, tmp_path, text)
+    score = load_number(marionette, tmp_path, text)
     nod, _, bow = score.cues
     assert len(score.changes) == 1 and bow.start > 1.31
     assert nod.start == pytest.approx(bow.start)
 
 
 def test_a_lane_rests_in_a_hold_and_continues_at_its_end(marionette, tmp_path):
-    score = load(marionette, tmp_path, HOLDS)
+    score = load_number(marionette, tmp_path, HOLDS)
     assert score, score.changes
     sit, bow, nod = score.cues
     assert sit.start == pytest.approx(2.0) and bow.start == pytest.approx(sit.end + 3.0)
@@ -102,20 +102,20 @@ def test_a_lane_rests_in_a_hold_and_continues_at_its_end(marionette, tmp_path):
     np.testing.assert_allclose(still, seated, atol=1e-12)
     np.testing.assert_allclose(rates, 0.0, atol=1e-12)
     text = HOLDS.replace("hold: 3", "hold: 0.1")
-    (change,) = load(marionette, tmp_path, text).changes
+    (change,) = load_number(marionette, tmp_path, text).changes
     assert change.line == 8 and "bow begins" in str(change) and "after the hold" in str(change)
 
 
 def test_holds_end_lanes_and_are_waited_for(marionette, tmp_path):
     text = "score: h\nlanes: {body: [{gesture: nod}, {hold: 4, at: 3}]}\n"
-    assert load(marionette, tmp_path, text).duration == pytest.approx(7.0)
+    assert load_number(marionette, tmp_path, text).duration == pytest.approx(7.0)
     text = "score: h\nlanes: {body: [{hold: 4}, {gesture: nod, at: 3}]}\n"
-    (change,) = load(marionette, tmp_path, text).changes
+    (change,) = load_number(marionette, tmp_path, text).changes
     assert "nod begins at 4.00 s instead of at 3.00 s: the hold ends at 4.00 s" in str(change)
 
 
 def test_a_phrase_is_played_like_a_gesture(marionette, tmp_path):
-    score = load(marionette, tmp_path, PHRASES)
+    score = load_number(marionette, tmp_path, PHRASES)
     assert score, score.changes
     hello, both = score.cues
     assert hello.gesture == "hello" and hello.start == pytest.approx(2.0)
@@ -123,19 +123,19 @@ def test_a_phrase_is_played_like_a_gesture(marionette, tmp_path):
         fan.theatre.load_gesture(marionette, "wave"),
         fan.theatre.load_gesture(marionette, "nod"),
     )
-    once = 0.1 + wave.duration + 1.0 + nod.duration + 1.0  # its hand is up after 0.9 s
-    assert hello.end - hello.start == pytest.approx(3 * once)
-    assert score.marks["up"] == pytest.approx(2.0 + 2 * once + 1.0)
+    phrase_duration = 0.1 + wave.duration + 1.0 + nod.duration + 1.0  # its hand is up after 0.9 s
+    assert hello.end - hello.start == pytest.approx(3 * phrase_duration)
+    assert score.marks["up"] == pytest.approx(2.0 + 2 * phrase_duration + 1.0)
     assert both.marks["low"] == pytest.approx(40.0)
-    assert both.end - both.start == pytest.approx((once + 2.6) / 0.9)
+    assert both.end - both.start == pytest.approx((phrase_duration + 2.6) / 0.9)
     # Three rounds are the same motion; the mirrored one moves the left hand.
-    y = marionette.coordinates.v_K.index("hand_right.y")
-    for t in np.linspace(2.0, 2.0 + once, 40):
-        first, third = score.offsets(t)[0], score.offsets(t + 2 * once)[0]
+    right_y = marionette.coordinates.v_K.index("hand_right.y")
+    for t in np.linspace(2.0, 2.0 + phrase_duration, 40):
+        first, third = score.offsets(t)[0], score.offsets(t + 2 * phrase_duration)[0]
         np.testing.assert_allclose(first, third, atol=1e-9)
-        d, _ = score.offsets(both.start + (t - 2.0) / 0.9)
-        left = marionette.coordinates.v_K.index("hand_left.y")
-        assert d[left] == pytest.approx(-first[y], abs=1e-9)
+        offsets, _ = score.offsets(both.start + (t - 2.0) / 0.9)
+        left_y = marionette.coordinates.v_K.index("hand_left.y")
+        assert offsets[left_y] == pytest.approx(-first[right_y], abs=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -178,17 +178,17 @@ def test_a_phrase_is_played_like_a_gesture(marionette, tmp_path):
 )
 def test_mistakes_have_places(marionette, tmp_path, text, change, line, message):
     assert change[0] in text
-    with pytest.raises(FileError, match=message) as caught:
-        load(marionette, tmp_path, text.replace(*change, 1))
-    assert f"number.yaml:{line}" in str(caught.value)
+    with pytest.raises(FileError, match=message) as error:
+        load_number(marionette, tmp_path, text.replace(*change, 1))
+    assert f"number.yaml:{line}" in str(error.value)
 
 
 def test_a_time_before_the_score_is_reported_once(marionette, tmp_path):
     marks = "marks: {after: hello.end - 9, later: after + 1}"
     text = NUMBER.replace("marks: {after: hello.end + 2}", marks)
-    with pytest.raises(FileError) as caught:
-        load(marionette, tmp_path, text)
-    assert str(caught.value).count("comes") == 1
+    with pytest.raises(FileError) as error:
+        load_number(marionette, tmp_path, text)
+    assert str(error.value).count("comes") == 1
 
 
 def test_a_dash_may_belong_to_a_name(marionette, tmp_path):
@@ -198,13 +198,13 @@ marks: {verse-2: 3, turn: 9}
 lanes:
   body: [{gesture: nod, at: verse-2}, {gesture: bow, at: turn-2}]
 """
-    nod, bow = load(marionette, tmp_path, text).cues
+    nod, bow = load_number(marionette, tmp_path, text).cues
     assert nod.start == pytest.approx(3.0) and bow.start == pytest.approx(7.0)
 
 
 def test_an_exceeded_bound_in_a_phrase_is_reported_at_its_cue(marionette, tmp_path):
     text = PHRASES.replace("phrase: hello, at: 2", "phrase: hello, at: 2, faster: 4")
-    changes = load(marionette, tmp_path, text).changes
+    changes = load_number(marionette, tmp_path, text).changes
     assert changes and {change.line for change in changes} == {13}
 
 
@@ -216,7 +216,7 @@ phrases:
   more: [{phrase: many, repeat: 1000}]
 lanes: {body: [{phrase: more, repeat: 1000}]}
 """
-    said = "many would have 800000 pieces, of 100000 at most"
-    with pytest.raises(FileError, match=said) as caught:
-        load(marionette, tmp_path, text)
-    assert "number.yaml:4: phrases.more[0].repeat: found 1000" in str(caught.value)
+    reason = "many would have 800000 pieces, of 100000 at most"
+    with pytest.raises(FileError, match=reason) as error:
+        load_number(marionette, tmp_path, text)
+    assert "number.yaml:4: phrases.more[0].repeat: found 1000" in str(error.value)

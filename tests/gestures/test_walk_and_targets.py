@@ -53,7 +53,7 @@ def visit() -> fan.Marionette:
     return fan.puppets.visit()
 
 
-def written(tmp_path, text: str):
+def write_file(tmp_path, text: str):
     path = tmp_path / "number.yaml"
     path.write_text(text, encoding="utf-8")
     return path
@@ -68,7 +68,9 @@ def ends_at(puppet: fan.Marionette, x0: fan.State, d: np.ndarray, of: str = "") 
     return np.array(places["x"]) + 1j * np.array(places["y"])
 
 
-def bearing(run: fan.Trajectory, puppet: fan.Marionette, t: float, to, of: str, side: str) -> float:
+def pointing_error(
+    run: fan.Trajectory, puppet: fan.Marionette, t: float, to, of: str, side: str
+) -> float:
     """Angle between shoulder -> hand and shoulder -> place [deg]."""
     x = run.at(t)
     pose = puppet.pose(x, f"{of}forearm_{side}")
@@ -81,7 +83,7 @@ def angle(a: np.ndarray, b: np.ndarray) -> float:
     return float(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))
 
 
-def played(puppet: fan.Marionette, gesture: fan.theatre.Gesture) -> fan.Trajectory:
+def simulate_gesture(puppet: fan.Marionette, gesture: fan.theatre.Gesture) -> fan.Trajectory:
     x0 = puppet.rest()
     return fan.simulate(puppet, x0, gesture.inputs(x0), method="timestepping")
 
@@ -94,23 +96,23 @@ def test_all_ends_of_a_walk_move_as_one_body_along_an_arc(marionette, steps, ste
     walk = fan.theatre.load_gesture(marionette, "walk", steps=steps, step=step, turn=turn)
     assert walk.duration == pytest.approx(steps * STEP_TIME)
     first = ends_at(marionette, x0, walk.offsets(0.0)[0])
-    home = 0.5 * (first[1] + first[2])
-    way = 0.0
-    before = home
+    start_middle = 0.5 * (first[1] + first[2])
+    path_length = 0.0
+    before = start_middle
     for t in np.linspace(0.0, walk.duration, 1001)[1:]:
         ends = ends_at(marionette, x0, walk.offsets(t)[0])
         arms = (ends - ends.mean()) / (first - first.mean())
         np.testing.assert_allclose(arms, arms[0], atol=1e-5)  # one rotation of all
         np.testing.assert_allclose(np.abs(arms), 1.0, atol=1e-5)
         middle = 0.5 * (ends[1] + ends[2])
-        way += np.abs(((middle - before) / arms[0]).real)
+        path_length += np.abs(((middle - before) / arms[0]).real)
         before = middle
-    assert way == pytest.approx(steps * abs(step), rel=0.02)  # and the sway, when turning
+    assert path_length == pytest.approx(steps * abs(step), rel=0.02)  # and the sway, when turning
     length = steps * step
     chord = length * (np.exp(1j * turn) - 1.0) / (1j * turn) if turn else length
-    assert before - home == pytest.approx(chord, abs=1e-9)
+    assert before - start_middle == pytest.approx(chord, abs=1e-9)
     last = ends_at(marionette, x0, walk.travel)
-    np.testing.assert_allclose(last, before + np.exp(1j * turn) * (first - home), atol=1e-9)
+    np.testing.assert_allclose(last, before + np.exp(1j * turn) * (first - start_middle), atol=1e-9)
 
 
 def test_knees_are_raised_alternately_at_the_marks(marionette):
@@ -134,28 +136,30 @@ def test_bounds_hold_where_walks_are_joined(marionette):
     walk = fan.theatre.load_gesture(marionette, "walk", steps=3, turn=0.6)
     wave = fan.theatre.load_gesture(marionette, "wave").turned(0.6)
     speed, acceleration = 0.5, 4.0
-    row = walk.then(wave, walk.turned(0.6), speed=speed, acceleration=acceleration)
-    own = np.maximum(np.maximum(walk.peaks, wave.peaks), walk.turned(0.6).peaks)
-    bounds = np.maximum(own, np.array([[speed], [acceleration]])) * (1 + 2e-3)
-    assert np.all(row.peaks <= bounds)
+    walks = walk.then(wave, walk.turned(0.6), speed=speed, acceleration=acceleration)
+    peaks = np.maximum(np.maximum(walk.peaks, wave.peaks), walk.turned(0.6).peaks)
+    bounds = np.maximum(peaks, np.array([[speed], [acceleration]])) * (1 + 2e-3)
+    assert np.all(walks.peaks <= bounds)
 
 
 def test_a_second_walk_continues_in_the_new_direction(marionette):
     """Two walks, the second in the direction of the first one's end, are one rigid motion."""
     x0 = marionette.rest()
     walk = fan.theatre.load_gesture(marionette, "walk", steps=3, step=0.05, turn=0.4)
-    once = fan.theatre.load_gesture(marionette, "walk", steps=6, step=0.05, turn=0.8)
-    both = walk.then(walk.turned(0.4))
-    np.testing.assert_allclose(both.travel, once.travel, atol=1e-9)
-    ends = ends_at(marionette, x0, both.offsets(both.duration)[0])
-    first = ends_at(marionette, x0, 0.0 * both.travel)
+    one_walk = fan.theatre.load_gesture(marionette, "walk", steps=6, step=0.05, turn=0.8)
+    two_walks = walk.then(walk.turned(0.4))
+    np.testing.assert_allclose(two_walks.travel, one_walk.travel, atol=1e-9)
+    ends = ends_at(marionette, x0, two_walks.offsets(two_walks.duration)[0])
+    first = ends_at(marionette, x0, 0.0 * two_walks.travel)
     np.testing.assert_allclose(
         (ends - ends.mean()) / (first - first.mean()), np.exp(0.8j), atol=1e-9
     )
 
 
 def test_turning_a_gesture_turns_its_directions(marionette):
-    forward = fan.theatre.Gesture.of(marionette, {"head.forward": [(0, 0), (1, 0.1)]}, travels=True)
+    forward = fan.theatre.Gesture.from_points(
+        marionette, {"head.forward": [(0, 0), (1, 0.1)]}, travels=True
+    )
     turned = forward.turned(np.radians(30.0))
     v = [marionette.coordinates.v_K.index(f"head.{part}") for part in "xy"]
     expected = [0.1 * np.cos(np.pi / 6), 0.1 * np.sin(np.pi / 6)]
@@ -165,11 +169,13 @@ def test_turning_a_gesture_turns_its_directions(marionette):
 
 def test_the_puppet_follows_its_ends(marionette):
     walk = fan.theatre.load_gesture(marionette, "walk", steps=4, step=0.06, turn=0.5)
-    run = played(marionette, walk.then(fan.theatre.Gesture.rest(marionette, 3.0, everything=False)))
+    run = simulate_gesture(
+        marionette, walk.then(fan.theatre.Gesture.rest(marionette, 3.0, everything=False))
+    )
     before, after = (marionette.pose(run.at(t), "torso") for t in (0.0, run.t[-1]))
-    moved = after[:2, 3] - before[:2, 3]
-    way = 0.24 * (np.exp(0.5j) - 1.0) / 0.5j
-    np.testing.assert_allclose(moved, [way.real, way.imag], atol=0.03)
+    displacement = after[:2, 3] - before[:2, 3]
+    path_length = 0.24 * (np.exp(0.5j) - 1.0) / 0.5j
+    np.testing.assert_allclose(displacement, [path_length.real, path_length.imag], atol=0.03)
     assert np.arctan2(after[1, 0], after[0, 0]) == pytest.approx(0.5, abs=0.1)
 
 
@@ -183,8 +189,11 @@ def test_hands_point_at_places_in_front(marionette):
         (string,) = gesture.uses
         side = "left" if to[1] > 0.0 else "right"
         assert string == f"hand_{side}"
-        run, there = played(marionette, gesture), gesture.marks["points"]
-        errors = [bearing(run, marionette, there + s, to, "", side) for s in np.linspace(0, 1.5, 7)]
+        run, mark_time = simulate_gesture(marionette, gesture), gesture.marks["points"]
+        errors = [
+            pointing_error(run, marionette, mark_time + s, to, "", side)
+            for s in np.linspace(0, 1.5, 7)
+        ]
         worst = max(worst, *errors)
     print(f"worst of ten places: {worst:.1f} deg")
     assert worst < 15.0
@@ -201,9 +210,9 @@ def test_hands_point_at_places_in_front(marionette):
 )
 def test_a_face_turns_to_a_place(marionette, to, before, after):
     gesture = fan.theatre.load_gesture(marionette, "look", to=to)
-    run, there = played(marionette, gesture), gesture.marks["there"]
+    run, mark_time = simulate_gesture(marionette, gesture), gesture.marks["there"]
     angles = []
-    for t in (0.0, *np.linspace(there, there + 1.5, 7)):
+    for t in (0.0, *np.linspace(mark_time, mark_time + 1.5, 7)):
         pose = marionette.pose(run.at(t), "skull")
         angles.append(angle(pose[:3, 0], np.array(to) - pose[:3, 3]))
     print(f"{to}: {angles[0]:.1f} deg before, {max(angles[1:]):.1f} at most after")
@@ -214,12 +223,14 @@ def test_a_face_turns_to_a_place(marionette, to, before, after):
 def test_a_face_turns_with_all_ends(marionette, strings, turned):
     x0, points, angle = marionette.rest(), {}, np.linspace(0.0, 1.0, 13)
     for string in strings:
-        home = complex(x0[f"{string}.x"], x0[f"{string}.y"])
-        d = (np.exp(1j * angle) - 1.0) * home
+        start_middle = complex(x0[f"{string}.x"], x0[f"{string}.y"])
+        d = (np.exp(1j * angle) - 1.0) * start_middle
         for part, offsets in (("x", d.real), ("y", d.imag)):
             points[f"{string}.{part}"] = list(zip(3.0 * angle, offsets, strict=True))
     rest = fan.theatre.Gesture.rest(marionette, 3.0, everything=False)
-    run = played(marionette, fan.theatre.Gesture.of(marionette, points).then(rest))
+    run = simulate_gesture(
+        marionette, fan.theatre.Gesture.from_points(marionette, points).then(rest)
+    )
     face = marionette.pose(run.at(run.t[-1]), "skull")[:3, 0]
     assert np.degrees(np.arctan2(face[1], face[0])) == pytest.approx(turned, abs=2.0)
 
@@ -231,10 +242,10 @@ def test_members_have_the_bundled_gestures(marionette, visit):
     assert wave.mirrored().uses == ("columbine.hand_left",)
     np.testing.assert_allclose(wave.peaks.max(axis=1), alone.peaks.max(axis=1))
     walk = fan.theatre.load_gesture(visit, "walk", of="columbine", turn=0.5)
-    own = fan.theatre.load_gesture(marionette, "walk", turn=0.5)
-    first = visit.coordinates.v_K.index("columbine.head.x")
-    np.testing.assert_allclose(walk.travel[first:], own.travel, atol=1e-12)
-    assert not walk.travel[:first].any()
+    walk_alone = fan.theatre.load_gesture(marionette, "walk", turn=0.5)
+    first_index = visit.coordinates.v_K.index("columbine.head.x")
+    np.testing.assert_allclose(walk.travel[first_index:], walk_alone.travel, atol=1e-12)
+    assert not walk.travel[:first_index].any()
 
 
 def test_a_member_points_at_places_of_the_world(visit):
@@ -242,14 +253,14 @@ def test_a_member_points_at_places_of_the_world(visit):
     for to, side in (([0.0, 0.9, 0.5], "right"), ([-0.2, -0.8, 0.4], "left")):
         gesture = fan.theatre.load_gesture(visit, "point", of="columbine", to=to)
         assert gesture.uses == (f"columbine.hand_{side}",)
-        run, there = played(visit, gesture), gesture.marks["points"]
+        run, mark_time = simulate_gesture(visit, gesture), gesture.marks["points"]
         for s in np.linspace(0.0, 1.5, 4):
-            assert bearing(run, visit, there + s, to, "columbine.", side) < 15.0
+            assert pointing_error(run, visit, mark_time + s, to, "columbine.", side) < 15.0
 
 
 def test_scores_have_walks_and_targets(marionette, visit, tmp_path):
-    jsonschema.validate(read_file(written(tmp_path, SCORE)).data, score_schema())
-    score = fan.load_score(marionette, written(tmp_path, SCORE))
+    jsonschema.validate(read_file(write_file(tmp_path, SCORE)).data, score_schema())
+    score = fan.load_score(marionette, write_file(tmp_path, SCORE))
     assert score, score.changes
     assert [cue.gesture for cue in score.cues] == ["walk", "walk", "look", "point"]
     walk = fan.theatre.load_gesture(marionette, "walk", steps=4, step=0.06, turn=np.pi / 6).then(
@@ -257,8 +268,8 @@ def test_scores_have_walks_and_targets(marionette, visit, tmp_path):
     )
     np.testing.assert_allclose(score.lanes["body"].travel, walk.travel, atol=1e-12)
     text = SCENE.replace("score: scene", "score: scene\nacceleration: 12")
-    jsonschema.validate(read_file(written(tmp_path, text)).data, score_schema())
-    scene = fan.load_score(visit, written(tmp_path, text))
+    jsonschema.validate(read_file(write_file(tmp_path, text)).data, score_schema())
+    scene = fan.load_score(visit, write_file(tmp_path, text))
     assert scene, scene.changes
     assert all("." in string for string in scene.gesture.uses)
     assert "pierrot.hand_left" in scene.lanes["pierrot"].uses
@@ -295,16 +306,16 @@ def test_scores_have_walks_and_targets(marionette, visit, tmp_path):
 )
 def test_mistakes_have_places(marionette, visit, tmp_path, text, change, line, message):
     assert change[0] in text
-    path = written(tmp_path, text.replace(*change))
-    with pytest.raises(FileError, match=message) as caught:
+    path = write_file(tmp_path, text.replace(*change))
+    with pytest.raises(FileError, match=message) as error:
         fan.load_score(visit if text == SCENE else marionette, path)
-    assert f"number.yaml:{line}" in str(caught.value)
+    assert f"number.yaml:{line}" in str(error.value)
 
 
 def test_keys_of_gestures_are_not_for_phrases(marionette, tmp_path):
     text = "score: s\nphrases: {p: [{gesture: bow}]}\nlanes:\n  a: [{phrase: p, to: skull}]\n"
     with pytest.raises(FileError, match=r"number.yaml:4.*only a gesture has `to`"):
-        fan.load_score(marionette, written(tmp_path, text))
+        fan.load_score(marionette, write_file(tmp_path, text))
 
 
 def test_wrong_arguments_of_gestures_are_named(marionette, visit):
@@ -323,7 +334,7 @@ def test_wrong_arguments_of_gestures_are_named(marionette, visit):
 
 
 def test_a_files_mistakes_keep_their_lines_for_members(visit, tmp_path):
-    path = written(tmp_path, "gesture: g\nmoves:\n  hand_rigt.up: [[0, 0], [1, 1 cm]]\n")
+    path = write_file(tmp_path, "gesture: g\nmoves:\n  hand_rigt.up: [[0, 0], [1, 1 cm]]\n")
     with pytest.raises(FileError, match=r"number.yaml:3"):
         fan.theatre.load_gesture(visit, path, of="pierrot")
 

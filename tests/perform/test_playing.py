@@ -6,7 +6,7 @@ import itertools
 
 import numpy as np
 import pytest
-from tests.gestures.able import gestures_of
+from tests.gestures.available import available_gestures
 from tests.perform.hands import hands_of
 
 import fantoccini as fan
@@ -19,7 +19,7 @@ pytestmark = pytest.mark.slow
 
 @pytest.fixture(scope="module")
 def gestures(marionette):
-    return gestures_of(marionette)
+    return available_gestures(marionette)
 
 
 @pytest.fixture(scope="module")
@@ -57,7 +57,7 @@ def test_a_gesture_is_added_to_the_positions_of_the_hands(marionette, gestures):
     start_time = live.t
     for _ in range(int(wave.duration / live.tick)):
         x = live.step()
-        d, _ = piecewise.at(wave.breaks, wave.coef, live.t - start_time)
+        d, _ = piecewise.evaluate(wave.breaks, wave.coef, live.t - start_time)
         np.testing.assert_allclose(x.q_K, home + d, atol=2e-5)
     live.advance(0.5)
     assert live.playing == ()
@@ -152,7 +152,7 @@ def test_gestures_begin_on_time(marionette, gestures):
     np.testing.assert_array_equal(live.state.q_K, home)
     for _ in range(60):
         x = live.step()
-        d, _ = piecewise.at(nod.breaks, nod.coef, max(live.t - 0.503, 0.0))
+        d, _ = piecewise.evaluate(nod.breaks, nod.coef, max(live.t - 0.503, 0.0))
         np.testing.assert_allclose(x.q_K, home + d, atol=2e-5)
     # During its motion it begins later if the transition to its start takes longer.
     assert live.play(nod, after=0.0) > 0.0
@@ -174,7 +174,9 @@ def test_a_repetition_ends_on_request(marionette, gestures):
 
 def test_a_walk_shifts_the_home_position(marionette):
     live = fan.Performance(marionette)
-    step = fan.theatre.Gesture.of(marionette, {"head.forward": [(0, 0), (1, "3 cm")]}, travels=True)
+    step = fan.theatre.Gesture.from_points(
+        marionette, {"head.forward": [(0, 0), (1, "3 cm")]}, travels=True
+    )
     x = live.target("head")[0][0]
     for _ in range(2):
         live.play(step)
@@ -329,7 +331,7 @@ def test_a_score_is_played_paused_and_set(marionette, score):
     home = live.state.q_K
 
     def check_offsets(atol: float = 2e-5) -> None:
-        d, _ = piecewise.at(score.gesture.breaks, score.gesture.coef, live.score.t)
+        d, _ = piecewise.evaluate(score.gesture.breaks, score.gesture.coef, live.score.t)
         np.testing.assert_allclose(live.state.q_K - home, d, atol=atol)
 
     live.play_score(score)

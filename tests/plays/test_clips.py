@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from benchmarks.capture.clips import write
 from scipy.spatial.transform import Rotation
-from tests.capture.test_retarget import NAMES, STANDS, captured
+from tests.capture.test_retarget import NAMES, STANDS, capture_of
 
 import fantoccini as fan
 from fantoccini.theatre.capture import clip_names
@@ -24,10 +24,10 @@ from fantoccini.theatre.retarget import (
     find_mapping,
     place_on_spot,
 )
-from fantoccini.theatre.retarget.deviations import GROUPS
+from fantoccini.theatre.retarget.deviations import PART_GROUPS
 from fantoccini.theatre.retarget.mapping import joints_of
-from fantoccini.theatre.retarget.placing import place
-from fantoccini.theatre.retarget.retargeting import places_in
+from fantoccini.theatre.retarget.placing import part_targets
+from fantoccini.theatre.retarget.retargeting import part_positions
 from plays.conftest import HEAD, Plays
 from plays.test_play_file import checked_messages
 from plays.tiny import BALL
@@ -127,7 +127,7 @@ def test_the_limbs_follow_the_clip(
     table_of_player = player.marionette.coordinates
     q_D = run.q_D[:, [table.q_D.index(f"{who}.{name}") for name in table_of_player.q_D]]
     q_K = run.q_K[:, [table.q_K.index(f"{who}.{name}") for name in table_of_player.q_K]]
-    positions = places_in(retargeted.figure, player.marionette.poses(q_D, q_K))
+    positions = part_positions(retargeted.figure, player.marionette.poses(q_D, q_K))
     xy, heading = [player.start.x, player.start.y], player.start.heading
     for walk in play.walks[who]:
         (xy,), (heading,) = walk.footing(np.array([start]))
@@ -139,8 +139,8 @@ def test_the_limbs_follow_the_clip(
         return size / retargeted.figure.height
 
     for group in ("hands", "head"):
-        parts = GROUPS[group]
-        clip = [retargeted.places.parts[part] for part in parts]
+        parts = PART_GROUPS[group]
+        clip = [retargeted.targets.parts[part] for part in parts]
         wanted = [(path - middle) @ rotation.T + [*xy, 0.0] for path in clip]
         error = rms([positions[part] - path for part, path in zip(parts, wanted, strict=True)])
         pose_error = rms(
@@ -153,7 +153,7 @@ def test_the_limbs_follow_the_clip(
         if who == "columbine":  # as where the gesture was computed
             (expected_excess,) = [row.excess for row in clip_motion.report if row.name == group]
             assert error - pose_error == pytest.approx(expected_excess, abs=3e-3)
-    path = retargeted.places.parts["hand_right"]
+    path = retargeted.targets.parts["hand_right"]
     assert rms([path - path[0]]) > 0.2  # a puppet at rest does not move it
 
 
@@ -175,23 +175,25 @@ def test_turning_and_travel_are_left_out(marionette: fan.Marionette):
     head_rotations = Rotation.random(60, random_state=1).as_matrix()
     turns = _spin(np.cumsum(rng.normal(scale=0.3, size=60)))
     travel = np.cumsum(rng.normal(scale=0.1, size=(60, 1, 3)), axis=0) * [1.0, 1.0, 0.0]
-    turned_clip = captured(
+    turned_clip = capture_of(
         np.einsum("tij,tkj->tki", turns, positions) + travel, turns @ head_rotations
     )
     figure, plain_clip = (
         figure_of(marionette, marionette.rest()),
-        captured(positions, head_rotations),
+        capture_of(positions, head_rotations),
     )
     joints = joints_of(find_mapping(plain_clip.skeleton), plain_clip.skeleton)
     plain_places, turned_places = (
-        place(figure, clip, joints, 0.0, turning=0.0) for clip in (plain_clip, turned_clip)
+        part_targets(figure, clip, joints, 0.0, turning=0.0) for clip in (plain_clip, turned_clip)
     )
     for part, path in plain_places.parts.items():
         np.testing.assert_allclose(turned_places.parts[part], path, atol=1e-9)
     # All turning is kept by default, and half of it on demand.
     spun_positions = np.einsum("tij,kj->tki", _spin(0.05 * np.arange(60)), STANDS)
     for turning in (1.0, 0.5):
-        places = place(figure, captured(spun_positions), joints, 0.0, turning=turning).parts
+        places = part_targets(
+            figure, capture_of(spun_positions), joints, 0.0, turning=turning
+        ).parts
         across = places["shoulder_left"] - places["shoulder_right"]
         angle = np.unwrap(np.arctan2(-across[:, 0], across[:, 1]))
         np.testing.assert_allclose(angle, turning * 0.05 * np.arange(60), atol=1e-9)

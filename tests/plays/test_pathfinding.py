@@ -15,7 +15,7 @@ import fantoccini as fan
 from fantoccini.theatre.cast.footing import Footing, Hindrance, NoPath, Walk
 from fantoccini.theatre.gestures.body_parts import BodyParts
 from fantoccini.theatre.gestures.ends import Ends
-from fantoccini.theatre.gestures.walking import SWAY, steps
+from fantoccini.theatre.gestures.walking import SWAY, step_gesture
 from fantoccini.theatre.pathfinding.planning import plan_walk
 from fantoccini.theatre.pathfinding.regions import Box, Disk, Rectangle
 from fantoccini.theatre.pathfinding.traffic import OtherPlayer
@@ -111,7 +111,9 @@ def test_a_path_is_walked_as_planned():
     """The gesture's ends follow the path's footing, turned to the start's heading."""
     puppet, start, goal = fan.puppets.marionette(), Footing(-1.0, 0.2, 0.7), Footing(0.9, 0.1, 2.0)
     walk = check_walk(plan_or_reason(start, goal, blocked=[TABLE]), goal, [TABLE])
-    gesture = steps(Ends(BodyParts.of(puppet), puppet.rest()), walk.steps, walk.step_time)
+    gesture = step_gesture(
+        Ends(BodyParts.for_puppet(puppet), puppet.rest()), walk.steps, walk.step_time
+    )
     v_K = puppet.coordinates.v_K
     for t in np.linspace(0.0, gesture.duration, 400):
         d, _ = gesture.offsets(t)

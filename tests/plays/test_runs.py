@@ -11,7 +11,7 @@ import fantoccini as fan
 from fantoccini.theatre.gestures.body_parts import BodyParts
 from fantoccini.theatre.gestures.ends import Ends
 from fantoccini.theatre.gestures.stepping import Step
-from fantoccini.theatre.gestures.walking import steps
+from fantoccini.theatre.gestures.walking import step_gesture
 from fantoccini.theatre.plays.settling import Swing, best_pause
 from plays.conftest import Plays
 
@@ -39,7 +39,7 @@ def test_players_together_move_as_in_a_run_of_the_whole_stage(plays: Plays):
 def _after_a_walk() -> tuple[fan.Marionette, fan.State, fan.theatre.Gesture]:
     puppet = fan.puppets.marionette()
     hangs = puppet.rest()
-    walk = steps(Ends(BodyParts.of(puppet), hangs), [Step(0.1)] * 3)
+    walk = step_gesture(Ends(BodyParts.for_puppet(puppet), hangs), [Step(0.1)] * 3)
     inputs = walk.inputs(hangs, speed=1.5, acceleration=12.0)
     run = fan.simulate(puppet, hangs, inputs, method="timestepping")
     return puppet, run.state(len(run) - 1).replace(t=0.0), walk
@@ -50,7 +50,7 @@ def test_the_gradient_of_swing_by_the_pause_agrees_with_differences():
     hangs = puppet.rest()
     # Gentle enough that no string snaps taut, so that the cost is smooth.
     ends = [name for name in puppet.coordinates.q_K if name.endswith(".x")]
-    push = fan.theatre.Gesture.of(puppet, {name: [(0, 0), (1.0, 0.01)] for name in ends})
+    push = fan.theatre.Gesture.from_points(puppet, {name: [(0, 0), (1.0, 0.01)] for name in ends})
     run = fan.simulate(puppet, hangs, push.inputs(hangs), method="timestepping")
     x = run.state(len(run) - 1).replace(t=0.0)
     swing = Swing(puppet, x, push.motion, 1.0)

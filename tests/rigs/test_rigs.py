@@ -16,7 +16,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.own_puppets]
 def test_a_random_puppet_has_its_legs_bows_and_walks(seed):
     rig = Rig(seed)
     stage = rig.stage
-    body_parts = BodyParts.of(stage, "rig")
+    body_parts = BodyParts.for_puppet(stage, "rig")
     legs = [limb for limb in body_parts.body_map.limbs if limb.kind == "leg"]
     assert {limb.bodies[-1] for limb in legs} == set(rig.legs)
     assert all(limb.strings for limb in legs)

@@ -181,7 +181,7 @@ def test_keys_are_heard_after_clicks(scene):
 
     gesture_player = scene.stage.gesture_player
     gesture_player.add(
-        fan.theatre.Gesture.of(
+        fan.theatre.Gesture.from_points(
             scene.performance.marionette, {"line.up": [(0, 0), (1, 0.05), (2, 0)]}, name="hop"
         )
     )

@@ -41,8 +41,8 @@ from .plays import (
     verify_play as verify_play,
 )
 from .retarget import (
-    Followed as Followed,
-    Retargeted as Retargeted,
+    FollowResult as FollowResult,
+    RetargetedClip as RetargetedClip,
     follow_clip as follow_clip,
     retarget_clip as retarget_clip,
 )

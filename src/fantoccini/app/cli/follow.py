@@ -23,10 +23,10 @@ from fantoccini.app.cli_support import (
 from fantoccini.theatre.capture import load_bvh
 from fantoccini.theatre.perform import Recording
 from fantoccini.theatre.retarget import (
-    ACCELERATION,
+    MAX_ACCELERATION,
     MAX_ERROR,
-    SPEED,
-    Followed,
+    MAX_SPEED,
+    FollowResult,
     FollowStatus,
     follow_clip,
     place_clip,
@@ -68,8 +68,8 @@ def follow_file(arguments: FollowArguments) -> None:
         followed = follow_clip(
             puppet,
             placed,
-            speed=arguments.speed or SPEED,
-            acceleration=arguments.acceleration or ACCELERATION,
+            speed=arguments.speed or MAX_SPEED,
+            acceleration=arguments.acceleration or MAX_ACCELERATION,
             progress=display.bar("following"),
         )
         if arguments.save is not None:
@@ -98,7 +98,7 @@ def follow_file(arguments: FollowArguments) -> None:
         raise typer.Exit(FAILED)
 
 
-def _remarks(followed: Followed) -> Iterator[str]:
+def _remarks(followed: FollowResult) -> Iterator[str]:
     """Remarks that explain the numbers in the report."""
     for remark in followed.retargeted.remarks:
         yield f"{remark} (--up)"
@@ -109,21 +109,21 @@ def _remarks(followed: Followed) -> Iterator[str]:
             "another puppet"
         )
     elif followed.status is FollowStatus.DIVERGED:
-        worst = max(followed.report, key=lambda part: part.run)
+        worst = max(followed.report, key=lambda part: part.run_error)
         yield (
             f"the puppet does not follow: the error of its {worst.name} is "
-            f"{1e3 * worst.run:.0f} mm (root mean square), {100 * followed.error:.0f} % of its "
-            f"height; that of hanging poses is {1e3 * worst.reach:.0f} mm; try slower hands "
-            "(--speed, --acceleration), a slower clip, or another puppet"
+            f"{1e3 * worst.run_error:.0f} mm (root mean square), {100 * followed.error:.0f} % of "
+            f"its height; that of hanging poses is {1e3 * worst.pose_error:.0f} mm; try slower "
+            "hands (--speed, --acceleration), a slower clip, or another puppet"
         )
     if followed.losses:
         longest = max(followed.losses, key=lambda loss: loss.end - loss.begin)
         count = len(followed.losses)
         yield f"{longest}" if count == 1 else f"{longest}; {count} such times in all"
-    if followed.share < 1.0:
+    if followed.bound_factor < 1.0:
         yield (
             "the puppet cannot follow with the full speed and acceleration of the hands; they use "
-            f"{100 * followed.share:.0f} % of them"
+            f"{100 * followed.bound_factor:.0f} % of them"
         )
     if followed.crossings:
         first = followed.crossings[0]
@@ -133,7 +133,7 @@ def _remarks(followed: Followed) -> Iterator[str]:
         )
 
 
-def _recording(followed: Followed) -> Recording:
+def _recording(followed: FollowResult) -> Recording:
     return Recording(
         followed.retargeted.marionette,
         followed.run.state(0),
@@ -143,7 +143,7 @@ def _recording(followed: Followed) -> Recording:
     )
 
 
-def _report(followed: Followed) -> None:
+def _report(followed: FollowResult) -> None:
     retargeted = followed.retargeted
     speed, acceleration = abs(followed.run.v_K).max(), abs(followed.acc_K).max()
     print_table(
@@ -152,10 +152,10 @@ def _report(followed: Followed) -> None:
         [
             ("duration [s]", f"{retargeted.clip.duration:.4g}"),
             ("frames, settled poses", f"{len(retargeted.t)}, {retargeted.settled}"),
-            ("size relative to the person", f"{retargeted.places.scale:.3g}"),
+            ("size relative to the person", f"{retargeted.targets.scale:.3g}"),
             ("fastest driven coordinate [m/s, rad/s]", f"{speed:.3g}"),
             ("largest acceleration [m/s^2, rad/s^2]", f"{acceleration:.3g}"),
-            ("time [s]", f"{followed.seconds:.3g}"),
+            ("time [s]", f"{followed.computing_time:.3g}"),
         ],
     )
     print_table(
@@ -164,9 +164,9 @@ def _report(followed: Followed) -> None:
         [
             (
                 part.name,
-                f"{1e3 * part.reach:.1f}",
-                f"{1e3 * part.run:.1f}",
-                f"{1e3 * part.largest:.1f}",
+                f"{1e3 * part.pose_error:.1f}",
+                f"{1e3 * part.run_error:.1f}",
+                f"{1e3 * part.max_run_error:.1f}",
                 f"{100 * part.excess:.1f} %",
             )
             for part in followed.report

@@ -11,7 +11,7 @@ from fantoccini.app.cli_support.terminal import print_message, print_output, pri
 from fantoccini.base import Mistake
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import Input
-from fantoccini.theatre.gestures import Late, Rehearsal, Score, load_score, rehearse
+from fantoccini.theatre.gestures import LimbLateness, Rehearsal, Score, load_score, rehearse
 from fantoccini.theatre.script import is_score
 
 
@@ -102,10 +102,12 @@ def report_lateness(rehearsal: Rehearsal) -> None:
                 _ms(before),
                 _ms(after),
             )
-            for before, after in zip(rehearsal.before, rehearsal.late, strict=True)
+            for before, after in zip(
+                rehearsal.initial_lateness, rehearsal.final_lateness, strict=True
+            )
         ],
     )
 
 
-def _ms(late: Late) -> str:
+def _ms(late: LimbLateness) -> str:
     return f"{1e3 * late.seconds:.0f}"

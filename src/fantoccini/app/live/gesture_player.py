@@ -98,7 +98,7 @@ class GesturePlayer:
             return
         options, gesture = self.options, self.gestures[name]
         style = Style(options.size, options.speed, options.mirrored)
-        gesture, _ = style.varied(gesture, self._performance.marionette)
+        gesture, _ = style.apply(gesture, self._performance.marionette)
         if options.mirrored:
             gesture = gesture.called(f"{name}, mirrored")
         t = self._performance.t

@@ -12,7 +12,7 @@ from fantoccini.app.live.worker import Worker
 from fantoccini.base import StateError, npz
 from fantoccini.base.documents import NAME
 from fantoccini.motion import RECORDING_FORMATS
-from fantoccini.theatre.gestures import Gesture, gesture_names, gesture_of_take
+from fantoccini.theatre.gestures import Gesture, gesture_from_take, gesture_names
 from fantoccini.theatre.perform import Performance, Recording
 
 _MAX_FILES = 100
@@ -162,7 +162,7 @@ class Takes:
         if name in gesture_names() or path.exists() or path in self._used:
             raise StateError(f"there is a gesture or a file {name} already; choose another name")
         take = self.edited()
-        gesture = gesture_of_take(take.inputs, name)
+        gesture = gesture_from_take(take.inputs, name)
         self._used.add(path)
         self._save(take, path)
         return gesture

@@ -17,9 +17,9 @@ from fantoccini.output.animation.scene import AnimatedScene, Bodies
 from fantoccini.output.view import Drawable, Still
 from fantoccini.theatre.perform import Recording
 from fantoccini.theatre.plays import Verification
-from fantoccini.theatre.retarget import Followed
+from fantoccini.theatre.retarget import FollowResult
 
-Moving: TypeAlias = Trajectory | Recording | PlanResult | Optimum | Followed | Verification
+Moving: TypeAlias = Trajectory | Recording | PlanResult | Optimum | FollowResult | Verification
 """A result that has a motion."""
 
 
@@ -97,7 +97,7 @@ def _puppet_and_run(what: Moving) -> tuple[Drawable, Trajectory]:
             return what.marionette, what.run
         case Verification():
             return what.play.marionette, what.run
-        case Followed():
+        case FollowResult():
             return what.retargeted.marionette, what.run
     raise ValueError(
         f"found {type(what).__name__}; expected a run, a recording, a plan, an optimum, a followed "

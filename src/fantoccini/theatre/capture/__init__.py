@@ -1,6 +1,6 @@
 """Motion capture: skeletons and their motion from BVH files."""
 
-from fantoccini.theatre.capture.bvh import bundled_clip, clip_names, load_bvh
+from fantoccini.theatre.capture.bvh import bundled_clip_path, clip_names, load_bvh
 from fantoccini.theatre.capture.skeleton import Capture, Skeleton
 
-__all__ = ["Capture", "Skeleton", "bundled_clip", "clip_names", "load_bvh"]
+__all__ = ["Capture", "Skeleton", "bundled_clip_path", "clip_names", "load_bvh"]

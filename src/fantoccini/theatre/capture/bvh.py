@@ -20,18 +20,20 @@ from fantoccini.base import Array, FileError, Mistake, decoded, lines_of
 from fantoccini.base.documents import shown
 from fantoccini.theatre.capture.skeleton import Capture, Skeleton
 
-_CLIPS = Path(__file__).parent / "clips"
-_AXES = {"x": 0, "y": 1, "z": 2}
-_CHANNELS = {
-    f"{axis}{kind}": (kind, k) for axis, k in _AXES.items() for kind in ("position", "rotation")
+_CLIPS_FOLDER = Path(__file__).parent / "clips"
+_AXIS_INDICES = {"x": 0, "y": 1, "z": 2}
+_CHANNEL_KINDS = {
+    f"{axis}{kind}": (kind, k)
+    for axis, k in _AXIS_INDICES.items()
+    for kind in ("position", "rotation")
 }
-_BRACES = re.compile(r"(?<![^\x00-\x7f])([{}])")
+_BRACE_PATTERN = re.compile(r"(?<![^\x00-\x7f])([{}])")
 """Braces, except after a byte of another encoding, where they are half of a character."""
-_LABEL = re.compile(r"\s*(frames|frame\s+time)\s*:", re.IGNORECASE)
+_HEADER_LABEL = re.compile(r"\s*(frames|frame\s+time)\s*:", re.IGNORECASE)
 """Label of the motion's header, with or without blanks around its colon."""
 _PADDING = "\0\x1a"
 """Characters that some programs write after the end of a text."""
-_BLANKS = re.compile(r"[ \t\f\v]+")
+_BLANK_PATTERN = re.compile(r"[ \t\f\v]+")
 _MAX_BYTES = 256_000_000
 """Largest size of a file [bytes]."""
 _MAX_JOINTS = 1000
@@ -73,36 +75,36 @@ def load_bvh(path: str | os.PathLike[str]) -> Capture:
     path = Path(path)
     try:
         if os.fspath(path) in clip_names() and not path.exists():
-            path = bundled_clip(str(path))
+            path = bundled_clip_path(str(path))
         if path.stat().st_size > _MAX_BYTES:
             _fail(path, None, f"has more than {_MAX_BYTES / 1e6:.0f} MB")
         text = decoded(path.read_bytes())
     except (OSError, ValueError) as error:
         _fail(path, None, f"cannot be read: {getattr(error, 'strerror', None) or error}")
-    words = _Words(path, text)
+    words = _WordReader(path, text)
     joints, n_channels = _hierarchy(words)
-    frames, interval = _motion_header(words)
-    header = words.line
-    values = words.numbers(frames, n_channels)
-    if not len(values):
-        values = _rest(joints, n_channels)
-    if len(values) > 1 and not interval >= _MIN_FRAME_TIME:
-        text = f"found a frame time of {interval:g} s; needed: at least {_MIN_FRAME_TIME:g} s"
-        _fail(path, header, text)
-    return _capture(path, joints, values, interval, tuple(words.notes))
+    n_frames, frame_time = _motion_header(words)
+    header_line = words.line
+    channels = words.numbers(n_frames, n_channels)
+    if not len(channels):
+        channels = _rest_pose_channels(joints, n_channels)
+    if len(channels) > 1 and not frame_time >= _MIN_FRAME_TIME:
+        text = f"found a frame time of {frame_time:g} s; needed: at least {_MIN_FRAME_TIME:g} s"
+        _fail(path, header_line, text)
+    return _capture(path, joints, channels, frame_time, tuple(words.notes))
 
 
 def clip_names() -> tuple[str, ...]:
     """Names of the bundled clips, from the CMU database; see ``capture/clips/NOTICE``."""
-    return tuple(sorted(p.stem for p in _CLIPS.glob("*.bvh")))
+    return tuple(sorted(p.stem for p in _CLIPS_FOLDER.glob("*.bvh")))
 
 
-def bundled_clip(name: str) -> Path:
+def bundled_clip_path(name: str) -> Path:
     """Path of a bundled clip."""
-    return _CLIPS / f"{name}.bvh"
+    return _CLIPS_FOLDER / f"{name}.bvh"
 
 
-class _Words:
+class _WordReader:
     """Words of a file, with their lines.
 
     Attributes:
@@ -112,16 +114,18 @@ class _Words:
     def __init__(self, path: Path, text: str):
         self.path, self._lines, self._size = path, lines_of(text.rstrip(_PADDING)), len(text)
         self.line, self._row, self.notes = 0, list[str](), list[str]()
-        self._rows = self._walk()
+        self._rows = self._read_rows()
 
-    def _walk(self) -> Iterator[list[str]]:
+    def _read_rows(self) -> Iterator[list[str]]:
         for number, line in enumerate(self._lines, 1):
             self.line = number
-            line = _LABEL.sub(r"\1: ", line, count=1) if ":" in line else line
-            if row := [word for word in _BLANKS.split(_BRACES.sub(r" \1 ", line)) if word]:
+            line = _HEADER_LABEL.sub(r"\1: ", line, count=1) if ":" in line else line
+            if row := [
+                word for word in _BLANK_PATTERN.split(_BRACE_PATTERN.sub(r" \1 ", line)) if word
+            ]:
                 yield row
 
-    def next(self, needed: str) -> str:
+    def next_word(self, needed: str) -> str:
         """Next word.
 
         Args:
@@ -133,28 +137,28 @@ class _Words:
                 self.fail(f"the file ends; needed: {needed}")
         return self._row.pop(0)
 
-    def before_brace(self) -> list[str]:
+    def read_until_brace(self) -> list[str]:
         """Remaining words of the line before an opening brace."""
-        n = self._row.index("{") if "{" in self._row else len(self._row)
-        words, self._row = self._row[:n], self._row[n:]
+        brace_index = self._row.index("{") if "{" in self._row else len(self._row)
+        words, self._row = self._row[:brace_index], self._row[brace_index:]
         return words
 
-    def opens(self) -> bool:
+    def next_is_brace(self) -> bool:
         """Whether the next word is an opening brace."""
         if not self._row:
             self._row = next(self._rows, [])
         return self._row[:1] == ["{"]
 
-    def expect(self, *words: str) -> str:
+    def expect_word(self, *words: str) -> str:
         """Next word in lower case, if it is one of these."""
-        word = self.next(" or ".join(words))
+        word = self.next_word(" or ".join(words))
         if word.lower() not in [word.lower() for word in words]:
             self.fail(f"found {shown(word)}; needed: {' or '.join(words)}")
         return word.lower()
 
     def number(self, needed: str) -> float:
         """Next word as a finite number; ``needed`` describes it in the message."""
-        word = self.next(needed)
+        word = self.next_word(needed)
         try:
             value = float(word)
         except ValueError:
@@ -163,46 +167,46 @@ class _Words:
             self.fail(f"found {shown(word)}; needed: {needed}")
         return value
 
-    def numbers(self, rows: int, columns: int) -> Array:
+    def numbers(self, n_frames: int, n_columns: int) -> Array:
         """(rows, columns) remaining numbers; each row is a frame, which begins on a new line."""
         if self._row:
             self.fail(f"found {shown(' '.join(self._row))}; needed: a new line with numbers")
-        if rows * columns > self._size:
-            self.fail(f"the file is too short for {rows} frames of {columns} numbers")
-        values = np.empty((rows + 1, columns))
-        for i in range(rows + 1):
-            row = self._frame(columns)
-            if not row:
-                rows = self._counted(i, rows)
+        if n_frames * n_columns > self._size:
+            self.fail(f"the file is too short for {n_frames} frames of {n_columns} numbers")
+        values = np.empty((n_frames + 1, n_columns))
+        for frame in range(n_frames + 1):
+            words = self._next_frame(n_columns)
+            if not words:
+                n_frames = self._checked_frame_count(frame, n_frames)
                 break
             try:
-                values[i] = [float(word) for word in row]
+                values[frame] = [float(word) for word in words]
             except ValueError:
-                self.fail(f"found {shown(' '.join(row))}; needed: {columns} numbers")
-            if not np.all(np.isfinite(values[i])):
+                self.fail(f"found {shown(' '.join(words))}; needed: {n_columns} numbers")
+            if not np.all(np.isfinite(values[frame])):
                 self.fail("found a number that is not finite")
         else:
             if next(self._rows, []):
-                self.fail(f"more than {rows + 1} frames; its header says {rows}")
-            rows = self._counted(rows + 1, rows)
-        return values[:rows]
+                self.fail(f"more than {n_frames + 1} frames; its header says {n_frames}")
+            n_frames = self._checked_frame_count(n_frames + 1, n_frames)
+        return values[:n_frames]
 
-    def _frame(self, columns: int) -> list[str]:
+    def _next_frame(self, columns: int) -> list[str]:
         """Words of the next frame, from one line or several; empty at the end of the file."""
         row = next(self._rows, [])
-        start, n = self.line, len(row)
-        while 0 < len(row) < columns and (more := next(self._rows, [])):
-            row = row + more
+        first_line, n_words = self.line, len(row)
+        while 0 < len(row) < columns and (next_row := next(self._rows, [])):
+            row = row + next_row
         if row and len(row) != columns:
-            self.line = start
-            many = "number" if n == 1 else "numbers"
+            self.line = first_line
+            noun = "number" if n_words == 1 else "numbers"
             self.fail(
-                f"found {n} {many}; needed: {columns}, one for each channel, in a line or in "
+                f"found {n_words} {noun}; needed: {columns}, one for each channel, in a line or in "
                 "several that hold nothing else"
             )
         return row
 
-    def _counted(self, n_frames: int, n_header: int) -> int:
+    def _checked_frame_count(self, n_frames: int, n_header: int) -> int:
         """Number of frames in the file, which may differ by one from that of its header."""
         if n_frames < n_header - 1 or (not n_frames and n_header):
             text = f"the file ends after {n_frames} frames; needed: {n_header}, as its header says"
@@ -218,24 +222,24 @@ class _Words:
         _fail(self.path, self.line or None, text)
 
 
-def _hierarchy(words: _Words) -> tuple[list[_Joint], int]:
+def _hierarchy(words: _WordReader) -> tuple[list[_Joint], int]:
     """Joints of a file, parents first, and the number of their channels."""
-    words.expect("HIERARCHY")
+    words.expect_word("HIERARCHY")
     joints: list[_Joint] = []
     columns = 0
-    word = words.expect("ROOT")
+    word = words.expect_word("ROOT")
     while word == "root":
         columns = _joint(words, joints, -1, columns)
-        word = words.expect("ROOT", "MOTION")
+        word = words.expect_word("ROOT", "MOTION")
     return joints, columns
 
 
-def _joint(words: _Words, joints: list[_Joint], parent: int, columns: int) -> int:
+def _joint(words: _WordReader, joints: list[_Joint], parent: int, columns: int) -> int:
     """Reads a joint and its descendants, without recursion; returns the columns so far."""
     open_joints = [_add_joint(words, joints, parent)]
     while open_joints:
         i = open_joints[-1]
-        word = words.expect("OFFSET", "CHANNELS", "JOINT", "END", "}")
+        word = words.expect_word("OFFSET", "CHANNELS", "JOINT", "END", "}")
         if word == "offset":
             joints[i].offset = tuple(words.number("three numbers of an offset") for _ in range(3))
         elif word == "channels":
@@ -245,24 +249,24 @@ def _joint(words: _Words, joints: list[_Joint], parent: int, columns: int) -> in
                 words.fail(f"joints are more than {_MAX_DEPTH} deep")
             open_joints.append(_add_joint(words, joints, i))
         elif word == "end":
-            words.expect("SITE")
-            words.before_brace()
-            words.expect("{")
-            words.expect("OFFSET")
+            words.expect_word("SITE")
+            words.read_until_brace()
+            words.expect_word("{")
+            words.expect_word("OFFSET")
             offset = tuple(words.number("three numbers of an offset") for _ in range(3))
-            words.expect("}")
+            words.expect_word("}")
             joints.append(_Joint(f"{joints[i].name}.end", i, offset))
         else:
             open_joints.pop()
     return columns
 
 
-def _add_joint(words: _Words, joints: list[_Joint], parent: int) -> int:
+def _add_joint(words: _WordReader, joints: list[_Joint], parent: int) -> int:
     """Adds a joint, named by the rest of the line; returns its index."""
-    name = " ".join([words.next("the joint's name"), *words.before_brace()])
+    name = " ".join([words.next_word("the joint's name"), *words.read_until_brace()])
     # A brace after a byte of another encoding opens the joint unless another one follows.
-    opened = name.endswith("{") and not words.opens()
-    name = name.removesuffix("{") if opened else name
+    has_brace = name.endswith("{") and not words.next_is_brace()
+    name = name.removesuffix("{") if has_brace else name
     if not name or name == "{":
         words.fail("found a joint without a name; needed: JOINT or ROOT, a name and {")
     if name in [joint.name for joint in joints]:
@@ -270,72 +274,72 @@ def _add_joint(words: _Words, joints: list[_Joint], parent: int) -> int:
     if len(joints) >= _MAX_JOINTS:
         words.fail(f"found more than {_MAX_JOINTS} joints")
     joints.append(_Joint(name, parent))
-    if not opened:
-        words.expect("{")
+    if not has_brace:
+        words.expect_word("{")
     return len(joints) - 1
 
 
-def _channels(words: _Words, joint: _Joint, columns: int) -> int:
+def _channels(words: _WordReader, joint: _Joint, columns: int) -> int:
     """Reads the channels of a joint; returns the number of columns so far."""
-    count = words.number("the number of channels")
-    if joint.channels or count != int(count) or not 0 <= count <= 6:
-        words.fail(f"found {count:g} channels; needed: 0 to 6, once a joint")
-    for _ in range(int(count)):
-        channel = words.next("a channel: Xposition to Zrotation")
-        if channel.lower() not in _CHANNELS:
+    n_channels = words.number("the number of channels")
+    if joint.channels or n_channels != int(n_channels) or not 0 <= n_channels <= 6:
+        words.fail(f"found {n_channels:g} channels; needed: 0 to 6, once a joint")
+    for _ in range(int(n_channels)):
+        channel = words.next_word("a channel: Xposition to Zrotation")
+        if channel.lower() not in _CHANNEL_KINDS:
             words.fail(f"found {shown(channel)}; needed: a channel, Xposition to Zrotation")
-        kind, axis = _CHANNELS[channel.lower()]
-        if (kind, axis) in [other[:2] for other in joint.channels]:
+        kind, axis = _CHANNEL_KINDS[channel.lower()]
+        if (kind, axis) in [channel_key[:2] for channel_key in joint.channels]:
             words.fail(f"found {channel} twice")
         joint.channels.append((kind, axis, columns))
         columns += 1
     return columns
 
 
-def _motion_header(words: _Words) -> tuple[int, float]:
+def _motion_header(words: _WordReader) -> tuple[int, float]:
     """Number of frames, and duration of a frame [s]."""
-    words.expect("Frames:")
-    frames = words.number("the number of frames")
-    if frames != int(frames) or not 0 <= frames <= _MAX_FRAMES:
-        words.fail(f"found {frames:g} frames; needed: a whole number of at least 0")
-    words.expect("Frame")
-    words.expect("Time:")
-    interval = words.number("the time of a frame [s]")
-    return int(frames), interval
+    words.expect_word("Frames:")
+    n_frames = words.number("the number of frames")
+    if n_frames != int(n_frames) or not 0 <= n_frames <= _MAX_FRAMES:
+        words.fail(f"found {n_frames:g} frames; needed: a whole number of at least 0")
+    words.expect_word("Frame")
+    words.expect_word("Time:")
+    frame_time = words.number("the time of a frame [s]")
+    return int(n_frames), frame_time
 
 
-def _rest(joints: list[_Joint], n_channels: int) -> Array:
+def _rest_pose_channels(joints: list[_Joint], n_channels: int) -> Array:
     """(1, n_channels) channels of the pose with all angles 0."""
-    values = np.zeros((1, n_channels))
+    channels = np.zeros((1, n_channels))
     for joint in joints:
         for kind, axis, column in joint.channels:
             if kind == "position":
-                values[0, column] = joint.offset[axis]
-    return values
+                channels[0, column] = joint.offset[axis]
+    return channels
 
 
 def _capture(
-    path: Path, joints: list[_Joint], values: Array, interval: float, notes: tuple[str, ...]
+    path: Path, joints: list[_Joint], channels: Array, interval: float, notes: tuple[str, ...]
 ) -> Capture:
     """Capture with the poses of all frames, from channels (T, n_channels)."""
-    frames, n = len(values), len(joints)
-    values, are_relative = _with_offsets(joints, values)
+    n_frames, n_joints = len(channels), len(joints)
+    channels, are_relative = _with_offsets(joints, channels)
     if are_relative:
         notes += (f"{path}: positions of joints are near 0; taken as relative to their offsets",)
-    positions, rotations = np.zeros((frames, n, 3)), np.empty((frames, n, 3, 3))
+    positions, rotations = np.zeros((n_frames, n_joints, 3)), np.empty((n_frames, n_joints, 3, 3))
     for i, joint in enumerate(joints):
-        local = np.tile(joint.offset, (frames, 1)).astype(float)
-        rotation = np.broadcast_to(np.eye(3), (frames, 3, 3))
+        local_positions = np.tile(joint.offset, (n_frames, 1)).astype(float)
+        rotation = np.broadcast_to(np.eye(3), (n_frames, 3, 3))
         for kind, axis, column in joint.channels:
             if kind == "position":
-                local[:, axis] = values[:, column]
+                local_positions[:, axis] = channels[:, column]
             else:
-                rotation = rotation @ _about(axis, np.radians(values[:, column]))
+                rotation = rotation @ _axis_rotations(axis, np.radians(channels[:, column]))
         if joint.parent < 0:
-            positions[:, i], rotations[:, i] = local, rotation
+            positions[:, i], rotations[:, i] = local_positions, rotation
             continue
         parent_rotation = rotations[:, joint.parent]
-        offset = np.einsum("tij,tj->ti", parent_rotation, local)
+        offset = np.einsum("tij,tj->ti", parent_rotation, local_positions)
         positions[:, i] = positions[:, joint.parent] + offset
         rotations[:, i] = parent_rotation @ rotation
     skeleton = Skeleton(
@@ -343,11 +347,11 @@ def _capture(
         tuple(joint.parent for joint in joints),
         np.array([joint.offset for joint in joints], dtype=float),
     )
-    times = interval * np.arange(frames, dtype=float)
+    times = interval * np.arange(n_frames, dtype=float)
     return Capture(skeleton, times, positions, rotations, path.stem, notes)
 
 
-def _with_offsets(joints: list[_Joint], values: Array) -> tuple[Array, bool]:
+def _with_offsets(joints: list[_Joint], channels: Array) -> tuple[Array, bool]:
     """Channels whose positions include the offsets, if they are relative to these in the file.
 
     Poses of MakeHuman are such files; without the offsets all joints would lie at one point.
@@ -362,23 +366,31 @@ def _with_offsets(joints: list[_Joint], values: Array) -> tuple[Array, bool]:
         for kind, axis, column in joint.channels
         if kind == "position"
     ]
-    at, offsets = [column for column, _ in columns], np.array([offset for _, offset in columns])
-    if not columns or not np.mean(np.abs(values[:, at])) < _MAX_RELATIVE_POSITION * np.mean(
-        np.abs(offsets)
-    ):
-        return values, False
-    values = values.copy()
-    values[:, at] += offsets
-    return values, True
+    position_columns, offsets = (
+        [column for column, _ in columns],
+        np.array([offset for _, offset in columns]),
+    )
+    if not columns or not np.mean(
+        np.abs(channels[:, position_columns])
+    ) < _MAX_RELATIVE_POSITION * np.mean(np.abs(offsets)):
+        return channels, False
+    channels = channels.copy()
+    channels[:, position_columns] += offsets
+    return channels, True
 
 
-def _about(axis: int, angle: Array) -> Array:
+def _axis_rotations(axis: int, angle: Array) -> Array:
     """(T, 3, 3) rotations about a coordinate axis."""
     matrices = np.zeros((len(angle), 3, 3))
-    a, b = (axis + 1) % 3, (axis + 2) % 3
+    next_axis, last_axis = (axis + 1) % 3, (axis + 2) % 3
     c, s = np.cos(angle), np.sin(angle)
     matrices[:, axis, axis] = 1.0
-    matrices[:, a, a], matrices[:, a, b], matrices[:, b, a], matrices[:, b, b] = c, -s, s, c
+    (
+        matrices[:, next_axis, next_axis],
+        matrices[:, next_axis, last_axis],
+        matrices[:, last_axis, next_axis],
+        matrices[:, last_axis, last_axis],
+    ) = c, -s, s, c
     return matrices
 
 

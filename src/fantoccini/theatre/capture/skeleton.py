@@ -9,11 +9,11 @@ import numpy as np
 
 from fantoccini.base import Array, Indices, ShortRepr, StateError, Times, UnknownNameError, frozen
 
-_UNITS = {"cm": 0.01, "m": 1.0, "inches": 0.0254, "mm": 0.001, "CMU": 0.0254 / 0.45}
+_UNIT_SIZES = {"cm": 0.01, "m": 1.0, "inches": 0.0254, "mm": 0.001, "CMU": 0.0254 / 0.45}
 """Units of captured people, with their sizes [m]; the last is that of the CMU database."""
 _PERSON_HEIGHT = 1.7
 """Usual height of a person [m]."""
-_MIN_JUMP_RATIO, _N_NEXT_FRAMES = 10.0, 20
+_MIN_CALIBRATION_JUMP_RATIO, _N_COMPARED_FRAMES = 10.0, 20
 """Least ratio of the joints' jump after a calibration pose to that between any of the next frames,
 and the number of these frames."""
 _MAX_BONE_CHANGE = 0.2
@@ -55,13 +55,13 @@ class Skeleton(ShortRepr):
     @property
     def rest(self) -> Array:
         """(n, 3) positions of the joints relative to the root, with all angles 0."""
-        placed = np.zeros_like(self.offsets)
+        positions = np.zeros_like(self.offsets)
         for i, parent in enumerate(self.parents):
             if parent >= 0:
-                placed[i] = placed[parent] + self.offsets[i]
-        return placed
+                positions[i] = positions[parent] + self.offsets[i]
+        return positions
 
-    def up(self, joints: Indices) -> int | None:
+    def vertical_axis(self, joints: Indices) -> int | None:
         """Vertical axis of the rest pose: 1 for y, 2 for z; None if the pose does not determine it.
 
         It is the one of the two along which the extent of the joints is close to the largest
@@ -71,20 +71,20 @@ class Skeleton(ShortRepr):
         Args:
             joints: indices of the joints of the body.
         """
-        places = self.rest[joints]
-        extent = np.ptp(places, axis=0)
-        axes = [axis for axis in (1, 2) if extent[axis] > _MIN_VERTICAL_EXTENT * extent.max()]
+        positions = self.rest[joints]
+        extents = np.ptp(positions, axis=0)
+        axes = [axis for axis in (1, 2) if extents[axis] > _MIN_VERTICAL_EXTENT * extents.max()]
         if len(axes) == 2:
-            axes = [axis for axis in axes if not _symmetric(places, axis)]
+            axes = [axis for axis in axes if not _is_symmetric(positions, axis)]
         return axes[0] if len(axes) == 1 else None
 
 
-def _symmetric(places: Array, axis: int) -> bool:
+def _is_symmetric(points: Array, axis: int) -> bool:
     """Whether points (n, 3) are symmetric under reflection along an axis."""
-    mirrored = places.copy()
-    mirrored[:, axis] = places[:, axis].min() + places[:, axis].max() - places[:, axis]
-    apart = np.linalg.norm(places[:, None] - mirrored, axis=2).min(axis=1)
-    return float(apart.mean()) < _MAX_ASYMMETRY * float(np.ptp(places, axis=0).max())
+    mirrored = points.copy()
+    mirrored[:, axis] = points[:, axis].min() + points[:, axis].max() - points[:, axis]
+    distances = np.linalg.norm(points[:, None] - mirrored, axis=2).min(axis=1)
+    return float(distances.mean()) < _MAX_ASYMMETRY * float(np.ptp(points, axis=0).max())
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +122,7 @@ class Capture:
         return float(self.t[-1] - self.t[0])
 
     @cached_property
-    def body(self) -> Indices:
+    def body_joints(self) -> Indices:
         """Indices of the joints connected by bones; all joints if bones connect less than half.
 
         A bone keeps its length in all frames. Some programs add joints at the origin above the
@@ -130,47 +130,55 @@ class Capture:
         a chain of single joints that leads to them, for instance from the floor, is left out.
         """
         parents, offsets = self.skeleton.parents, self.skeleton.offsets
-        length = np.linalg.norm(offsets, axis=1)
-        part, longest = np.arange(len(parents)), length[np.array(parents) >= 0].max(initial=0.0)
+        lengths = np.linalg.norm(offsets, axis=1)
+        components, max_length = (
+            np.arange(len(parents)),
+            lengths[np.array(parents) >= 0].max(initial=0.0),
+        )
         for i, parent in enumerate(parents):
             if parent < 0:
                 continue
             if i <= self._first_branch:
                 continue
-            away = np.linalg.norm(self.positions[:, i] - self.positions[:, parent], axis=1)
-            if np.max(np.abs(away - length[i])) <= _MAX_BONE_CHANGE * longest:
-                part[i] = part[parent]
-        body = np.flatnonzero(part == np.bincount(part).argmax())
-        return body if 2 * len(body) > len(part) else np.arange(len(part))
+            distances = np.linalg.norm(self.positions[:, i] - self.positions[:, parent], axis=1)
+            if np.max(np.abs(distances - lengths[i])) <= _MAX_BONE_CHANGE * max_length:
+                components[i] = components[parent]
+        largest = np.flatnonzero(components == np.bincount(components).argmax())
+        return largest if 2 * len(largest) > len(components) else np.arange(len(components))
 
     @cached_property
     def _first_branch(self) -> int:
         """Index of the first joint with several children, if a single chain leads to it; else 0."""
         parents = self.skeleton.parents
-        children = np.bincount([i for i in parents if i >= 0], minlength=len(parents))
-        i = 0
-        while children[i] == 1 and parents.count(-1) == 1:
-            i = parents.index(i)
-        return i if children[i] > 1 else 0
+        children = np.bincount([joint for joint in parents if joint >= 0], minlength=len(parents))
+        joint = 0
+        while children[joint] == 1 and parents.count(-1) == 1:
+            joint = parents.index(joint)
+        return joint if children[joint] > 1 else 0
 
     @cached_property
     def _extent(self) -> Array:
         """(3,) extent of the body along each axis: the median over the frames."""
-        return np.asarray(np.median(np.ptp(self.positions[:, self.body], axis=1), axis=0))
+        return np.asarray(np.median(np.ptp(self.positions[:, self.body_joints], axis=1), axis=0))
 
     @cached_property
-    def up(self) -> int:
+    def vertical_axis(self) -> int:
         """Vertical axis: 1 for y, 2 for z.
 
         Taken from the rest pose, unless the skeleton stands along the other axis in most frames, as
         in files with a rotated root. Where the rest pose has no clear vertical, it is the axis
         along which the body extends farther in most frames.
         """
-        extent, rest = self._extent, self.skeleton.up(self.body)
-        if rest is None:
-            return int(1 + np.argmax(extent[1:]))
-        tall, other = _MIN_STANDING_EXTENT * np.ptp(self.skeleton.rest[self.body, rest]), 3 - rest
-        return other if extent[rest] < tall <= extent[other] else rest
+        extents, rest_axis = self._extent, self.skeleton.vertical_axis(self.body_joints)
+        if rest_axis is None:
+            return int(1 + np.argmax(extents[1:]))
+        standing_extent, other_axis = (
+            _MIN_STANDING_EXTENT * np.ptp(self.skeleton.rest[self.body_joints, rest_axis]),
+            3 - rest_axis,
+        )
+        return (
+            other_axis if extents[rest_axis] < standing_extent <= extents[other_axis] else rest_axis
+        )
 
     @property
     def height(self) -> float:
@@ -178,27 +186,30 @@ class Capture:
 
         Where the rest pose has no clear vertical, the median over the frames.
         """
-        axis = self.skeleton.up(self.body)
+        axis = self.skeleton.vertical_axis(self.body_joints)
         if axis is None:
-            return float(self._extent[self.up])
-        return float(np.ptp(self.skeleton.rest[self.body, axis]))
+            return float(self._extent[self.vertical_axis])
+        return float(np.ptp(self.skeleton.rest[self.body_joints, axis]))
 
     @property
     def unit(self) -> tuple[str, float]:
         """Unit in which the skeleton is as tall as a person, and its size [m]."""
         sizes = {
-            name: abs(np.log(self.height * size / _PERSON_HEIGHT)) for name, size in _UNITS.items()
+            name: abs(np.log(self.height * size / _PERSON_HEIGHT))
+            for name, size in _UNIT_SIZES.items()
         }
         name = min(sizes, key=lambda unit: sizes[unit])
-        return name, _UNITS[name]
+        return name, _UNIT_SIZES[name]
 
     def without_calibration(self) -> Capture:
         """Copy without a first frame that is a calibration pose, from which the joints jump.
 
         Files of the CMU data base begin with one.
         """
-        steps = np.max(np.linalg.norm(np.diff(self.positions, axis=0), axis=2), axis=1)
-        if len(steps) < 3 or not steps[0] > _MIN_JUMP_RATIO * np.max(steps[1 : 1 + _N_NEXT_FRAMES]):
+        jumps = np.max(np.linalg.norm(np.diff(self.positions, axis=0), axis=2), axis=1)
+        if len(jumps) < 3 or not jumps[0] > _MIN_CALIBRATION_JUMP_RATIO * np.max(
+            jumps[1 : 1 + _N_COMPARED_FRAMES]
+        ):
             return self
         return replace(
             self, t=self.t[1:], positions=self.positions[1:], rotations=self.rotations[1:]
@@ -218,19 +229,21 @@ class Capture:
         Raises:
             StateError: there are fewer than two frames between the two times.
         """
-        first, last = self.t[0], self.t[-1]
-        low, high = (first if begin is None else begin), (last if end is None else end)
-        inside = (self.t >= low - _ROUNDING) & (self.t <= high + _ROUNDING)
-        if np.sum(inside) < 2:
+        clip_start, clip_end = self.t[0], self.t[-1]
+        begin = clip_start if begin is None else begin
+        end = clip_end if end is None else end
+        is_inside = (self.t >= begin - _ROUNDING) & (self.t <= end + _ROUNDING)
+        if np.sum(is_inside) < 2:
             raise StateError(
-                f"{self.name or 'the clip'} has {np.sum(inside)} frames from {low:g} s to "
-                f"{high:g} s and lasts from {first:g} s to {last:g} s; needed: two frames or more"
+                f"{self.name or 'the clip'} has {np.sum(is_inside)} frames from {begin:g} s to "
+                f"{end:g} s and lasts from {clip_start:g} s to {clip_end:g} s; needed: two frames "
+                "or more"
             )
         return replace(
             self,
-            t=self.t[inside],
-            positions=self.positions[inside],
-            rotations=self.rotations[inside],
+            t=self.t[is_inside],
+            positions=self.positions[is_inside],
+            rotations=self.rotations[is_inside],
         )
 
     def upright(self, up: str | None = None) -> Capture:
@@ -240,28 +253,28 @@ class Capture:
         :attr:`notes` says so, because the person may lie all the time instead.
 
         Args:
-            up: vertical axis of the file, ``y`` or ``z``; :attr:`up` by default.
+            up: vertical axis of the file, ``y`` or ``z``; :attr:`vertical_axis` by default.
         """
         if up not in (None, "y", "z"):
             raise StateError(f"up is {up!r}; needed: y or z")
-        notes, rest = self.notes, self.skeleton.up(self.body)
-        if up is None and rest not in (None, self.up):
-            stands, lies = "xyz"[self.up], "xyz"[rest or 0]
+        notes, rest_axis = self.notes, self.skeleton.vertical_axis(self.body_joints)
+        if up is None and rest_axis not in (None, self.vertical_axis):
+            standing, lying = "xyz"[self.vertical_axis], "xyz"[rest_axis or 0]
             notes += (
-                f"{self.name or 'clip'}: taken as standing along {stands}, as in most frames; the "
-                f"rest pose stands along {lies}; if the person lies, say that {lies} is up "
-                f"(--up {lies})",
+                f"{self.name or 'clip'}: taken as standing along {standing}, as in most frames; "
+                f"the rest pose stands along {lying}; if the person lies, say that {lying} is up "
+                f"(--up {lying})",
             )
-        is_up = up == "z" or (up is None and self.up == 2)
-        turn = np.eye(3) if is_up else np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]], float)
-        size = self.unit[1]
+        is_z_up = up == "z" or (up is None and self.vertical_axis == 2)
+        turn = np.eye(3) if is_z_up else np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]], float)
+        unit_size = self.unit[1]
         skeleton = Skeleton(
-            self.skeleton.names, self.skeleton.parents, size * self.skeleton.offsets @ turn.T
+            self.skeleton.names, self.skeleton.parents, unit_size * self.skeleton.offsets @ turn.T
         )
         return replace(
             self,
             skeleton=skeleton,
-            positions=size * self.positions @ turn.T,
+            positions=unit_size * self.positions @ turn.T,
             rotations=turn @ self.rotations @ turn.T,
             notes=notes,
         )

@@ -30,7 +30,7 @@ from fantoccini.theatre.script import (
     PlayFile,
     ScriptLog,
     Spot,
-    spelled,
+    file_key,
 )
 
 Pose = dict[str, Any]
@@ -203,8 +203,10 @@ def _check_bodies(file: PlayFile, players: Mapping[str, Player], log: ScriptLog)
     ]
     for act_index, act in enumerate(file.acts):
         for cue_index, cue in enumerate(act.cues):
-            verb = spelled(cue.verb)
-            names_by_kind = {kind: getattr(cue, key) for key, kind in VERBS[cue.verb].names.items()}
+            verb = file_key(cue.verb)
+            names_by_kind = {
+                kind: getattr(cue, key) for key, kind in VERBS[cue.verb].name_kinds.items()
+            }
             limbs = _needed_limbs(names_by_kind)
             receivers = (
                 [names_by_kind["player"]]
@@ -219,7 +221,7 @@ def _check_bodies(file: PlayFile, players: Mapping[str, Player], log: ScriptLog)
         if who not in players or not limbs:
             continue
         try:
-            parts = BodyParts.of(players[who].marionette).body_map.parts
+            parts = BodyParts.for_puppet(players[who].marionette).body_map.parts
             missing = [limb for limb in limbs if limb not in parts]
             available = ", ".join(parts) or "no limbs"
             reason = f"{file.cast[who].puppet} has no {', '.join(missing)}; it has {available}"

@@ -23,9 +23,9 @@ from fantoccini.theatre.cast.result_cache import (
 )
 from fantoccini.theatre.gestures import Gesture
 from fantoccini.theatre.retarget import (
-    BEGINS,
+    CLIP_END_MARK,
+    CLIP_START_MARK,
     DOUBTFUL,
-    OVER,
     ClipGesture,
     PlacedClip,
     TooShortError,
@@ -65,7 +65,7 @@ class Clip:
     @property
     def marks(self) -> Mapping[str, float]:
         """Marks of its gesture; their times are known once it is computed."""
-        return dict.fromkeys((BEGINS, OVER), 0.0)
+        return dict.fromkeys((CLIP_START_MARK, CLIP_END_MARK), 0.0)
 
     def gesture(
         self,

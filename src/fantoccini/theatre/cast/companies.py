@@ -325,4 +325,4 @@ def gesture_in_scene(table: CoordinateTable, prefix: str, gesture: Gesture) -> G
         coef[:, v_scene], named[v_scene] = gesture.coef[:, v], gesture.named[v]
         travel[v_scene] = gesture.travel[v]
     name, marks = gesture.name, gesture.marks
-    return Gesture(table, gesture.breaks, coef, named, travel, name, marks, gesture.turns)
+    return Gesture(table, gesture.breaks, coef, named, travel, name, marks, gesture.changes_heading)

@@ -104,7 +104,7 @@ def cue_pairs(cue: PlayCue, cast: Mapping[str, ContactBodies]) -> frozenset[Pair
         cast: player -> its bodies.
     """
     pairs = set[Pair]()
-    names = {kind: getattr(cue, key) for key, kind in VERBS[cue.verb].names.items()}
+    names = {kind: getattr(cue, key) for key, kind in VERBS[cue.verb].name_kinds.items()}
     players = [cast[who] for who in (cue.who[0], names.get("player", "")) if who in cast]
     if "seat" in names:
         pairs = pairs.union(*(sitting_pairs(bodies, names["seat"]) for bodies in players[:1]))

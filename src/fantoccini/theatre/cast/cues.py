@@ -18,13 +18,13 @@ from fantoccini.theatre.script import (
     GivesCue,
     PlayCue,
     PlayFile,
-    Reference,
     ScriptLog,
     Spot,
     Time,
     Timeline,
+    TimeReference,
+    is_walk,
     make_timeline,
-    walks,
 )
 
 _MAX_ACT_DURATION = 1800.0
@@ -63,7 +63,7 @@ def play_timeline(
             who = _who(file, entry, spot, log)
             if isinstance(entry, GivesCue) and entry.to in file.cast and entry.to not in who:
                 who = (*who, entry.to)
-            name = entry.name or VERBS[entry.verb].called or str(entry.verb_value)
+            name = entry.name or VERBS[entry.verb].default_name or str(entry.verb_value)
             name = name.rsplit("/", 1)[-1].rsplit(".", 1)[0]
             moments = (*marks(entry, spot), START, END)
             previous_cues = tuple(last_cue[player] for player in who if player in last_cue)
@@ -72,20 +72,20 @@ def play_timeline(
             acts[-1].append(cue)
             cues.append(cue)
 
-    def player_time_before(n_before: int, spot: Spot, given: Time) -> Reference | float | None:
+    def player_time_before(n_before: int, spot: Spot, given: Time) -> TimeReference | float | None:
         match = _PLAYER_TIME.fullmatch(given.strip()) if isinstance(given, str) else None
         if match is None or match[1] not in file.cast:
             return None
         offset = float(match[4] or 0.0) * (-1.0 if match[3] == "-" else 1.0)
         walk = match[2] == "arrives"
         for earlier in reversed(cues[:n_before]):
-            if match[1] in earlier.who and (walks(earlier.given) or not walk):
+            if match[1] in earlier.who and (is_walk(earlier.entry) or not walk):
                 # An act begins after everything in the acts before it.
-                return Reference(earlier.spot, END, offset, in_act=True)
+                return TimeReference(earlier.spot, END, offset, in_act=True)
         log.mistakes.add(spot, f"{match[1]} has no {'walk' if walk else 'cue'} before this one")
         return 0.0
 
-    def player_time(cue: Cue[PlayCue], spot: Spot, given: Time) -> Reference | float | None:
+    def player_time(cue: Cue[PlayCue], spot: Spot, given: Time) -> TimeReference | float | None:
         return player_time_before(cue.index, spot, given)
 
     times: dict[Spot, Time] = {("times", name): float(beat) for name, beat in file.times.items()}
@@ -94,9 +94,11 @@ def play_timeline(
     for act_index, act in enumerate(file.acts):
         for cue_index, shot in enumerate(act.camera):
             spot = shot_time_keys(act_index, cue_index)
-            player_reference = player_time_before(timeline.acts[act_index + 1], spot, shot.when)
+            player_reference = player_time_before(
+                timeline.act_bounds[act_index + 1], spot, shot.when
+            )
             references[spot] = (
-                timeline.names.read(shot.when, spot)
+                timeline.time_resolver.read(shot.when, spot)
                 if player_reference is None
                 else player_reference
             )
@@ -122,7 +124,7 @@ def _check_order(file: PlayFile, timeline: Timeline[PlayCue], log: ScriptLog) ->
     ]
     for act, spot in (*cue_times, *shot_times):
         reference = timeline.refs[spot]
-        awaited_cue = cue_at.get(reference.spot) if isinstance(reference, Reference) else None
+        awaited_cue = cue_at.get(reference.spot) if isinstance(reference, TimeReference) else None
         if awaited_cue is not None and awaited_cue.act > act:
             line = log.located.line(awaited_cue.spot)
             text = f"waits for {awaited_cue.name} on line {line}, a cue of a later act"
@@ -143,10 +145,10 @@ def _check_entrances(file: PlayFile, timeline: Timeline[PlayCue], log: ScriptLog
     is_off_stage: dict[str, bool] = dict.fromkeys(file.cast, True)
     for cue in timeline.cues:
         for who in cue.who:
-            if isinstance(cue.given, EntersToCue) and not is_off_stage[who]:
+            if isinstance(cue.entry, EntersToCue) and not is_off_stage[who]:
                 text = f"{who} is on the stage already; needed: `walks to`"
                 log.mistakes.add((*cue.spot, "enters to"), text)
-            is_off_stage[who] = isinstance(cue.given, ExitsToCue)
+            is_off_stage[who] = isinstance(cue.entry, ExitsToCue)
         for spot, start in cue.times:
             _check_length(start, spot, log)
 

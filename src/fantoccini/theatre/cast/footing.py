@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from fantoccini.base import Array, Times
-from fantoccini.theatre.gestures import Step, Track
+from fantoccini.theatre.gestures import Step, StepPath
 
 
 @dataclass(frozen=True)
@@ -81,8 +81,8 @@ class Walk:
         return np.stack([z.real, z.imag], axis=-1), self.start.heading + heading[0]
 
     @cached_property
-    def _track(self) -> Track:
-        return Track(self.steps, self.step_time)
+    def _track(self) -> StepPath:
+        return StepPath(self.steps, self.step_time)
 
 
 class Hindrance(Enum):

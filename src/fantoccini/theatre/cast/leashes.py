@@ -39,7 +39,7 @@ def read_leashes(
                 log.mistakes.add(spot, text)
                 continue
             try:
-                body_map = BodyParts.of(players[player_name].marionette).body_map
+                body_map = BodyParts.for_puppet(players[player_name].marionette).body_map
             except StateError as error:
                 log.mistakes.add(spot, f"{file.cast[player_name].puppet}: {error}")
                 continue

@@ -38,7 +38,7 @@ class Physique:
         Raises:
             StateError: it has no body map.
         """
-        return cls(BodyParts.of(stage, who))
+        return cls(BodyParts.for_puppet(stage, who))
 
     @property
     def stage(self) -> Marionette:

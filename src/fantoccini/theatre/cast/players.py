@@ -44,7 +44,7 @@ class Player:
     def bodies(self) -> ContactBodies:
         """Bodies that touch props and seats; none without a body map."""
         try:
-            return ContactBodies.of(self.name, BodyParts.of(self.marionette).body_map)
+            return ContactBodies.of(self.name, BodyParts.for_puppet(self.marionette).body_map)
         except StateError:
             return ContactBodies(self.name)
 
@@ -66,7 +66,7 @@ class Player:
     def leg_ratio(self) -> float:
         """Length of its legs, relative to that for which walks are written; 1 without legs."""
         try:
-            return leg_ratio(BodyParts.of(self.marionette)) or 1.0
+            return leg_ratio(BodyParts.for_puppet(self.marionette)) or 1.0
         except StateError:
             return 1.0
 
@@ -77,7 +77,7 @@ class Player:
         links = [link.name for link in self.marionette.tree.links]
         heights = [z for name, z in zip(links, poses[:, 2, 3], strict=True) if name in self._bodies]
         try:
-            head = BodyParts.of(self.marionette).body_map.head
+            head = BodyParts.for_puppet(self.marionette).body_map.head
         except StateError:
             head = None
         if head is not None:
@@ -109,7 +109,7 @@ class Player:
         Raises:
             StateError: it has no body map, or an end or length of a string is not driven.
         """
-        return Ends(BodyParts.of(self.marionette), self.rest_state)
+        return Ends(BodyParts.for_puppet(self.marionette), self.rest_state)
 
     def in_own_frame(self, point: Array, footing: Footing) -> Array:
         """(3,) point of the stage in the frame of the puppet's file, for a footing [m]."""
@@ -121,7 +121,7 @@ class Player:
 def middle_of(marionette: Marionette, rest_state: State) -> complex:
     """Middle x + i y between the ends of the carrying strings; 0 without a body map [m]."""
     try:
-        return Ends(BodyParts.of(marionette), rest_state).middle
+        return Ends(BodyParts.for_puppet(marionette), rest_state).middle
     except StateError:
         return 0j
 
@@ -129,7 +129,7 @@ def middle_of(marionette: Marionette, rest_state: State) -> complex:
 def facing_of(marionette: Marionette) -> float:
     """Heading of a puppet in its file; 0 without a body map [rad]."""
     try:
-        return BodyParts.of(marionette).heading
+        return BodyParts.for_puppet(marionette).heading
     except StateError:
         return 0.0
 

@@ -20,7 +20,7 @@ from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import State, pieces
 from fantoccini.theatre.cast.contacts import OTHER_SIDE
 from fantoccini.theatre.cast.physique import Physique
-from fantoccini.theatre.gestures import STEP_TIME, BodyParts, Ends, Gesture, Step, steps
+from fantoccini.theatre.gestures import STEP_TIME, BodyParts, Ends, Gesture, Step, step_gesture
 
 Waypoints = list[tuple[float, float]]
 """Times [s] and offsets [m]."""
@@ -385,17 +385,21 @@ def steps_carrying(
         pose: gesture of :func:`carry`.
         start: rest of the puppet without the pose.
         who: member that walks.
-        walk_steps, step_time: see :func:`fantoccini.theatre.gestures.walking.steps`.
+        walk_steps, step_time: see :func:`fantoccini.theatre.gestures.walking.step_gesture`.
     """
-    table, body_parts = pose.coordinates, BodyParts.of(stage, who)
+    table, body_parts = pose.coordinates, BodyParts.for_puppet(stage, who)
     q_K, offsets = np.array(start.q_K), {}
     for name, (q, v) in pieces.channel_names(table).items():
         if pose.named[v.start]:
             offsets[name] = float(pose.ends[0][1, v.start])
             q_K[q] += offsets[name]
-    walking = steps(Ends(body_parts, start.replace(q_K=q_K)), walk_steps, step_time).moved(offsets)
+    walking = step_gesture(Ends(body_parts, start.replace(q_K=q_K)), walk_steps, step_time).moved(
+        offsets
+    )
     # Later gestures count from the strings' places without the pose.
-    return replace(walking, travel=steps(Ends(body_parts, start), walk_steps, step_time).travel)
+    return replace(
+        walking, travel=step_gesture(Ends(body_parts, start), walk_steps, step_time).travel
+    )
 
 
 def reverse_waypoints(
@@ -424,7 +428,7 @@ def member_gesture(
             if string == leader:
                 whole[f"{follower}.{way}"] = offsets
     points = {member_name(who, channel): offsets for channel, offsets in whole.items()}
-    gesture = Gesture.of(stage, points, name=name, marks=marks)
+    gesture = Gesture.from_points(stage, points, name=name, marks=marks)
     heading = physique.body_parts.heading
     return gesture.turned(heading) if heading else gesture
 

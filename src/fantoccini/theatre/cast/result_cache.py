@@ -65,7 +65,7 @@ def gesture_format(marionette: Marionette) -> DiskFormat[Gesture]:
     """Format of gestures of a puppet."""
 
     def pack(gesture: Gesture) -> list[Array]:
-        words = text_array([gesture.name, dict(gesture.marks), gesture.turns])
+        words = text_array([gesture.name, dict(gesture.marks), gesture.changes_heading])
         named = gesture.named.astype(float)
         return [words, gesture.breaks, gesture.coef, named, gesture.travel]
 

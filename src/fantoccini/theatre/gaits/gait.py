@@ -2,7 +2,7 @@
 
     z_body(t) = path(t),   z_leg(t) = path(tau_leg(t)),   L_leg(t) = L_stance - lift up(t)
 
-z = x + i y is the place of string ends, path that of :class:`Track`, L_leg the length of a leg's
+z = x + i y is the place of string ends, path that of :class:`StepPath`, L_leg the length of a leg's
 strings. While a leg stands, tau_leg is constant, and its strings' ends are at the place that the
 body reaches in the middle of that time; while it swings, tau_leg advances with minimum jerk, and up
 rises from 0 to 1 and returns. Lengths are shares of the legs' mean length; a step is half a cycle.
@@ -27,15 +27,15 @@ from fantoccini.theatre.gestures import (
     Gesture,
     Pattern,
     Step,
-    Track,
+    StepPath,
+    gait_phases,
     leg_length,
     leg_strings,
     legs,
-    phases,
-    times,
+    scale_curve,
 )
 
-PREPARATION, CLOSING = 2.5, 1.0  # steps
+PREPARATION_STEPS, CLOSING_STEPS = 2.5, 1.0  # steps
 """Time in which the puppet is lowered onto its feet, and time in which the last legs close up."""
 _LOWERING_TIME = 2.0
 """Part of the preparation in which the puppet is lowered [steps]."""
@@ -43,9 +43,9 @@ _PIECES_PER_STEP = 24
 """Number of polynomial pieces of a step."""
 _OVERSHOOT_PEAK = 0.6
 """Share of a swing at which the overshoot of a leg's strings is largest."""
-_SIDES = {"left": 1.0, "middle": 0.0, "right": -1.0}
+_SWAY_SIGNS = {"left": 1.0, "middle": 0.0, "right": -1.0}
 """Direction of the sway towards a leg, to the left."""
-_BOUNDS = {"duty": (0.25, 0.9), "vertical_share": (0.0, 0.4), "peak_share": (0.1, 0.9)}
+_SHARE_BOUNDS = {"duty": (0.25, 0.9), "vertical_share": (0.0, 0.4), "peak_share": (0.1, 0.9)}
 """Bounds of shares of times."""
 
 
@@ -54,7 +54,7 @@ class Gait:
     """Parameters of a gait.
 
     Attributes:
-        pattern: order of the legs; see :func:`phases`.
+        pattern: order of the legs; see :func:`gait_phases`.
         step_time: duration of a step [s].
         stride: distance of the body in a step, relative to the legs' length.
         duty: share of a cycle in which a leg stands. In a trot or hop with a duty below 0.5 all
@@ -93,13 +93,13 @@ class Gait:
 
     def __post_init__(self) -> None:
         check_positive(step_time=self.step_time)
-        for name, (low, high) in _BOUNDS.items():
+        for name, (low, high) in _SHARE_BOUNDS.items():
             if not low <= getattr(self, name) <= high:
                 raise ValueError(f"{name} is {getattr(self, name)!r}; allowed: {low} to {high}")
 
     def duration(self, steps: int) -> float:
         """Duration of a number of steps, with preparation and closing [s]."""
-        return (PREPARATION + steps + CLOSING) * self.step_time
+        return (PREPARATION_STEPS + steps + CLOSING_STEPS) * self.step_time
 
     def inputs(
         self,
@@ -126,9 +126,9 @@ class Gait:
         if steps < 1:
             raise ValueError(f"steps is {steps!r}; at least 1 is needed")
         members = stage.puppet.members
-        own = member or (members[0] if len(members) == 1 else "")
+        walker = member or (members[0] if len(members) == 1 else "")
         x0 = stage.rest() if x0 is None else x0
-        ends = Ends(BodyParts.of(stage, own), x0)
+        ends = Ends(BodyParts.for_puppet(stage, walker), x0)
         length = self.stride * leg_length(ends.body_parts.body_map)
         return self.gesture(ends, [Step(length, turn / steps)] * steps).inputs(x0)
 
@@ -147,90 +147,102 @@ class Gait:
         """
         if lengths is None:
             lengths = standing_lengths(ends.body_parts, ends.start)
-        return _Walk(self, ends, steps, lengths).gesture()
+        return _GaitMotion(self, ends, steps, lengths).gesture()
 
 
-class _Walk:
+class _GaitMotion:
     """Motion of a gait's steps; arguments as for :meth:`Gait.gesture`."""
 
     def __init__(self, gait: Gait, ends: Ends, steps: Sequence[Step], lengths: Mapping[str, float]):
         self._gait, self._ends, self._n = gait, ends, len(steps)
         body_map = ends.body_parts.body_map
         self._L, self._legs = leg_length(body_map), legs(body_map)
-        self._phases = phases(body_map, gait.pattern)
+        self._phases = gait_phases(body_map, gait.pattern)
         self._leg_of_string = leg_strings(ends.body_parts)
         for string in self._leg_of_string:
             ends.check_driven(string)
-        self._track = Track(steps, gait.step_time)
-        n_pieces = round((PREPARATION + self._n + CLOSING) * _PIECES_PER_STEP)
-        self._clock: Times = np.arange(n_pieces + 1) / _PIECES_PER_STEP - PREPARATION
-        self._down = self._rise(-PREPARATION, _LOWERING_TIME)
+        self._step_path = StepPath(steps, gait.step_time)
+        n_pieces = round((PREPARATION_STEPS + self._n + CLOSING_STEPS) * _PIECES_PER_STEP)
+        self._clock: Times = np.arange(n_pieces + 1) / _PIECES_PER_STEP - PREPARATION_STEPS
+        self._lowering = self._smooth_step(-PREPARATION_STEPS, _LOWERING_TIME)
         self._lengths = lengths
 
     def gesture(self) -> Gesture:
         """The whole motion."""
         gait, ends, L = self._gait, self._ends, self._L
-        path, heading = self._track.at(self._clock * gait.step_time)
-        offset = _sum(times(-1j * gait.body_lead * L, self._down), self._sway())
-        others = [name for name in ends.places if name not in self._leg_of_string]
-        ends.carry(path, heading, offset, others)
+        path, heading = self._step_path.at(self._clock * gait.step_time)
+        offset = _add_curves(scale_curve(-1j * gait.body_lead * L, self._lowering), self._sway())
+        other_strings = [name for name in ends.positions if name not in self._leg_of_string]
+        ends.move_rigidly(path, heading, offset, other_strings)
         for string, length in self._lengths.items():
             if string in self._leg_of_string:
-                self._lift(string, length)
+                self._move_leg_string(string, length)
                 continue
-            let_out = gait.lower + (gait.nod if string in self._looking else 0.0)
-            self._wind(string, times(self._from_start(string, length) + let_out * L, self._down))
-        marks = {"down": PREPARATION * gait.step_time}
-        clock = (self._clock + PREPARATION) * gait.step_time
+            let_out = (gait.lower + (gait.nod if string in self._head_strings else 0.0)) * L
+            change = self._change_from_start(string, length) + let_out
+            self._add_length(string, scale_curve(change, self._lowering))
+        marks = {"down": PREPARATION_STEPS * gait.step_time}
+        clock = (self._clock + PREPARATION_STEPS) * gait.step_time
         return ends.gesture(clock, "gait", marks, travels=True)
 
     @property
-    def _looking(self) -> set[str]:
+    def _head_strings(self) -> set[str]:
         return {
             name.removeprefix(self._ends.prefix) for name in self._ends.body_parts.body_map.looking
         }
 
-    def _from_start(self, string: str, length: float) -> float:
+    def _change_from_start(self, string: str, length: float) -> float:
         return length - float(self._ends.start[f"{self._ends.prefix}{string}.length"])
 
-    def _wind(self, string: str, curve: Curve) -> None:
+    def _add_length(self, string: str, curve: Curve) -> None:
         self._ends.add(f"{string}.length", curve)
 
-    def _lift(self, string: str, length: float) -> None:
+    def _move_leg_string(self, string: str, length: float) -> None:
         """Moves the end of a leg's string and its length."""
         gait, ends, L = self._gait, self._ends, self._L
-        zero = times(0.0, self._down)
-        tau, up, over = zero, zero, zero
+        zero = scale_curve(0.0, self._lowering)
+        tau, lift, lead = zero, zero, zero
         for begin, end, distance in self._swings(self._leg_of_string[string]):
-            width = end - begin
-            vertical, peak = gait.vertical_share * width, gait.peak_share * width
-            tau = _sum(tau, times(distance, self._rise(begin + vertical, width - 2.0 * vertical)))
-            up = _sum(up, self._bump(begin, begin + peak, end))
-            bump = self._bump(begin, begin + _OVERSHOOT_PEAK * width, end)
-            over = _sum(over, times(0.5 * distance, bump))
-        forward = _sum(times(gait.leg_lead * L, self._down), times(gait.overshoot * L, over))
-        path, heading = self._along(tau)
-        ends.carry(path, heading, times(-1j, forward), [string])
-        loose = (gait.lower + gait.slack) * L
-        down = times(self._from_start(string, length) + loose, self._down)
-        self._wind(string, _sum(down, times(-(gait.lift * L + loose), up)))
+            swing_time = end - begin
+            vertical, peak = gait.vertical_share * swing_time, gait.peak_share * swing_time
+            tau = _add_curves(
+                tau,
+                scale_curve(
+                    distance, self._smooth_step(begin + vertical, swing_time - 2.0 * vertical)
+                ),
+            )
+            lift = _add_curves(lift, self._rise_and_fall(begin, begin + peak, end))
+            lead_bump = self._rise_and_fall(begin, begin + _OVERSHOOT_PEAK * swing_time, end)
+            lead = _add_curves(lead, scale_curve(0.5 * distance, lead_bump))
+        forward = _add_curves(
+            scale_curve(gait.leg_lead * L, self._lowering), scale_curve(gait.overshoot * L, lead)
+        )
+        path, heading = self._path_at(tau)
+        ends.move_rigidly(path, heading, scale_curve(-1j, forward), [string])
+        slack_length = (gait.lower + gait.slack) * L
+        lowered = scale_curve(
+            self._change_from_start(string, length) + slack_length, self._lowering
+        )
+        self._add_length(
+            string, _add_curves(lowered, scale_curve(-(gait.lift * L + slack_length), lift))
+        )
 
     def _swings(self, leg: str) -> list[tuple[float, float, float]]:
         """Start and end of each swing, and the distance of the leg in it, all in steps."""
-        swing, swings, at = 2.0 * (1.0 - self._gait.duty), [], 0.0
+        swing, swings, position = 2.0 * (1.0 - self._gait.duty), [], 0.0
         begin = 2.0 * self._phases[leg]
-        while at < self._n:
-            begin = min(begin, self._n + CLOSING - swing)
+        while position < self._n:
+            begin = min(begin, self._n + CLOSING_STEPS - swing)
             end = begin + swing
             # It lands where the body is in the middle of its stance; at last it closes up.
-            to = min(0.5 * (end + begin + 2.0), float(self._n)) if end < self._n else self._n
-            swings.append((begin, end, to - at))
-            at, begin = to, begin + 2.0
+            landing = min(0.5 * (end + begin + 2.0), float(self._n)) if end < self._n else self._n
+            swings.append((begin, end, landing - position))
+            position, begin = landing, begin + 2.0
         return swings
 
-    def _along(self, tau: Curve) -> tuple[ComplexCurve, Curve]:
+    def _path_at(self, tau: Curve) -> tuple[ComplexCurve, Curve]:
         """Path and heading of the body at the times tau [steps]."""
-        path, heading = self._track.at(tau[0] * self._gait.step_time)
+        path, heading = self._step_path.at(tau[0] * self._gait.step_time)
         rate, change = tau[1] * self._gait.step_time, tau[2] * self._gait.step_time
         (z, dz, ddz), (theta, dtheta, ddtheta) = path, heading
         return (
@@ -240,28 +252,28 @@ class _Walk:
 
     def _sway(self) -> Curve:
         """Sway towards the sides of lifted legs."""
-        sway = times(0.0, self._down)
+        sway = scale_curve(0.0, self._lowering)
         for leg, limb in self._legs.items():
-            side = self._gait.sway * self._L * _SIDES[limb.side]
+            amplitude = self._gait.sway * self._L * _SWAY_SIGNS[limb.side]
             for begin, end, _ in self._swings(leg):
-                up = self._bump(begin, 0.5 * (begin + end), end)
-                sway = _sum(sway, times(2.0 * side / len(self._legs), up))
+                lift = self._rise_and_fall(begin, 0.5 * (begin + end), end)
+                sway = _add_curves(sway, scale_curve(2.0 * amplitude / len(self._legs), lift))
         return sway
 
-    def _bump(self, begin: float, peak: float, end: float) -> Curve:
+    def _rise_and_fall(self, begin: float, peak: float, end: float) -> Curve:
         """Curve from 0 to 1 and back, between times in steps."""
-        up, down = self._rise(begin, peak - begin), self._rise(peak, end - peak)
-        return _sum(up, times(-1.0, down))
+        rise, fall = self._smooth_step(begin, peak - begin), self._smooth_step(peak, end - peak)
+        return _add_curves(rise, scale_curve(-1.0, fall))
 
-    def _rise(self, begin: float, width: float) -> Curve:
+    def _smooth_step(self, begin: float, width: float) -> Curve:
         """Minimum jerk from 0 to 1, from a time on and for a time, in steps."""
-        s = np.clip((self._clock - begin) / width, 0.0, 1.0)
-        value, rate, change = polynomial.minimum_jerk(s)
-        unit = width * self._gait.step_time
-        return value, rate / unit, change / unit**2
+        progress = np.clip((self._clock - begin) / width, 0.0, 1.0)
+        value, rate, change = polynomial.minimum_jerk(progress)
+        duration = width * self._gait.step_time
+        return value, rate / duration, change / duration**2
 
 
-def _sum(a: Curve, b: Curve) -> Curve:
+def _add_curves(a: Curve, b: Curve) -> Curve:
     return a[0] + b[0], a[1] + b[1], a[2] + b[2]
 
 

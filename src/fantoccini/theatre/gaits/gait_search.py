@@ -37,15 +37,15 @@ from fantoccini.theatre.gestures import BodyParts, Ends, Step, leg_length
 
 _GOOD_COST = 0.7
 """Cost below which no further search is made."""
-_N_STEPS, _TIME_STEP, _SAVE_EVERY = 12, 2e-3, 2
+_N_STEPS, _TIME_STEP, _SAVE_STRIDE = 12, 2e-3, 2
 """Number of steps of a run, its time step [s], and the number of time steps between samples."""
-_CHECK_TIME_STEP, _CHECK_SAVE_EVERY = 1e-3, 5
+_CHECK_TIME_STEP, _CHECK_SAVE_STRIDE = 1e-3, 5
 """Time step of the run that decides whether a gait walks [s], and the steps between samples."""
-_TIME_AFTER = 0.3
+_SETTLING_TIME = 0.3
 """Time after the last step [s]."""
-_ROUNDS, _DRAWS = 8, DrawOptions(runs=16, generations=4)
+_MAX_ROUNDS, _DRAWS = 8, DrawOptions(runs=16, generations=4)
 """Default number of searches in a row, and their draws."""
-_SPREADS = {
+_INITIAL_SPREADS = {
     "duty": 0.05,
     "lower": 0.008,
     "nod": 0.02,
@@ -58,7 +58,7 @@ _SPREADS = {
     "vertical_share": 0.05,
     "peak_share": 0.08,
 }
-_RANGES = {
+_PARAMETER_RANGES = {
     "duty": (0.25, 0.75),
     "lower": (0.01, 0.1),
     "nod": (-0.1, 0.1),
@@ -114,17 +114,17 @@ class TunedGait:
 
 def find_gait(
     stage: Marionette,
-    first: Gait | None = None,
+    initial: Gait | None = None,
     *,
     member: str = "",
-    rounds: int = _ROUNDS,
+    rounds: int = _MAX_ROUNDS,
     draws: DrawOptions = _DRAWS,
 ) -> TunedGait:
     """Gait for a puppet on its floor, and whether it walks; from the cache if there.
 
     Args:
         stage: puppet with contact between its feet and the floor.
-        first: gait with which the search begins; its pattern, step time and stride are kept.
+        initial: gait with which the search begins; its pattern, step time and stride are kept.
         member: the scene's member that walks; the only one by default.
         rounds: largest number of searches in a row, each around the best gait so far.
         draws: draws of each search; the seed of the first one.
@@ -137,23 +137,23 @@ def find_gait(
         raise StateError(
             f"{stage.name} cannot touch a floor, so a gait cannot be searched for; {text}"
         )
-    first = Gait() if first is None else first
+    initial = Gait() if initial is None else initial
     check_positive(rounds=rounds)
     numbers_of_stage = stage.p.tolist(), stage.winches.tolist()
-    searched = stage.puppet.canonical(), numbers_of_stage, first, member, rounds, draws
-    text = repr((searched, results_fingerprint()))
-    key = hashlib.sha256(f"gait {text}".encode()).hexdigest()
-    arrays = RESULTS.read(key)
-    if arrays is not None:
-        return _unpacked(first, arrays)
-    tuned, is_complete = _searched(_Steps.of(stage, member), first, rounds, draws)
+    search_inputs = stage.puppet.canonical(), numbers_of_stage, initial, member, rounds, draws
+    key_text = repr((search_inputs, results_fingerprint()))
+    key = hashlib.sha256(f"gait {key_text}".encode()).hexdigest()
+    cached = RESULTS.read(key)
+    if cached is not None:
+        return _from_arrays(initial, cached)
+    tuned, is_complete = _search(_GaitTrial.for_member(stage, member), initial, rounds, draws)
     if is_complete:
-        RESULTS.write(key, _packed(tuned))
+        RESULTS.write(key, _to_arrays(tuned))
     return tuned
 
 
 @dataclass(frozen=True, eq=False)
-class _Steps:
+class _GaitTrial:
     """Steps of a search: the puppet, its start, and the lengths at which it stands.
 
     Attributes:
@@ -167,42 +167,44 @@ class _Steps:
     lengths: Mapping[str, float]
 
     @classmethod
-    def of(cls, stage: Marionette, member: str) -> _Steps:
+    def for_member(cls, stage: Marionette, member: str) -> _GaitTrial:
         """Steps of a puppet, or of a scene's member."""
         members = stage.puppet.members
-        body_parts = BodyParts.of(stage, member or (members[0] if len(members) == 1 else ""))
+        body_parts = BodyParts.for_puppet(
+            stage, member or (members[0] if len(members) == 1 else "")
+        )
         x0 = stage.rest()
         return cls(body_parts, x0, standing_lengths(body_parts, x0))
 
     def inputs(self, gait: Gait) -> Input:
         """Motion of a gait's steps."""
-        length = gait.stride * leg_length(self.body_parts.body_map)
-        steps = [Step(length)] * _N_STEPS
+        step_length = gait.stride * leg_length(self.body_parts.body_map)
+        steps = [Step(step_length)] * _N_STEPS
         return gait.gesture(Ends(self.body_parts, self.x0), steps, self.lengths).inputs(self.x0)
 
-    def checked(self, gait: Gait) -> TunedGait:
+    def check(self, gait: Gait) -> TunedGait:
         """The gait, with its feet in a separate run."""
         run = simulate(
             self.body_parts.marionette,
             self.x0,
             self.inputs(gait),
-            gait.duration(_N_STEPS) + _TIME_AFTER,
+            gait.duration(_N_STEPS) + _SETTLING_TIME,
             method=TimeStepping(dt=_CHECK_TIME_STEP),
-            save_every=_CHECK_SAVE_EVERY,
+            save_every=_CHECK_SAVE_STRIDE,
             throw=False,
         )
         return TunedGait(gait, footfalls(self.body_parts, run, gait, _N_STEPS))
 
 
-def _packed(tuned: TunedGait) -> list[Array]:
+def _to_arrays(tuned: TunedGait) -> list[Array]:
     """Arrays of a gait and its feet for the cache."""
     numbers = np.array([getattr(tuned.gait, name) for name in SEARCHED_PARAMETERS])
     values = dataclasses.asdict(tuned.feet)
     return [numbers, *(np.asarray(value, dtype=float) for value in values.values())]
 
 
-def _unpacked(first: Gait, arrays: list[Array]) -> TunedGait:
-    """Gait and feet of :func:`_packed`."""
+def _from_arrays(initial: Gait, arrays: list[Array]) -> TunedGait:
+    """Gait and feet of :func:`_to_arrays`."""
     numbers, slide, lift, stands, *scalars = arrays
     values = dict(zip(SEARCHED_PARAMETERS, numbers.tolist(), strict=True))
     distance, wanted_distance, distance_error, turn, upright, status = map(float, scalars)
@@ -217,11 +219,11 @@ def _unpacked(first: Gait, arrays: list[Array]) -> TunedGait:
         upright,
         Status(int(status)),
     )
-    return TunedGait(dataclasses.replace(first, **values), feet)
+    return TunedGait(dataclasses.replace(initial, **values), feet)
 
 
-def _searched(
-    steps: _Steps, first: Gait, rounds: int, draws: DrawOptions
+def _search(
+    trial: _GaitTrial, initial: Gait, rounds: int, draws: DrawOptions
 ) -> tuple[TunedGait, bool]:
     """Gait of the least cost with its feet, and whether the search was complete.
 
@@ -231,32 +233,37 @@ def _searched(
     Raises:
         KeyboardInterrupt: Ctrl-C in a search.
     """
-    best, lowest_cost, share, is_complete = first, np.inf, 1.0, True
+    best, lowest_cost, spread_share, is_complete = initial, np.inf, 1.0, True
 
-    def gait_of(v: dict[str, float]) -> Gait:
-        clipped: dict[str, Any] = {k: float(np.clip(x, *_RANGES[k])) for k, x in v.items()}
-        return dataclasses.replace(first, **clipped)
+    def gait_from(values: dict[str, float]) -> Gait:
+        clipped: dict[str, Any] = {
+            name: float(np.clip(value, *_PARAMETER_RANGES[name])) for name, value in values.items()
+        }
+        return dataclasses.replace(initial, **clipped)
 
-    for k in range(rounds):
+    for round_index in range(rounds):
         tuned = tune(
-            steps.body_parts.marionette,
-            lambda v: steps.inputs(gait_of(v)),
-            {name: (getattr(best, name), share * spread) for name, spread in _SPREADS.items()},
-            lambda run: gait_cost(steps.body_parts, run, first, _N_STEPS),
-            steps.x0,
-            first.duration(_N_STEPS) + _TIME_AFTER,
+            trial.body_parts.marionette,
+            lambda values: trial.inputs(gait_from(values)),
+            {
+                name: (getattr(best, name), spread_share * spread)
+                for name, spread in _INITIAL_SPREADS.items()
+            },
+            lambda run: gait_cost(trial.body_parts, run, initial, _N_STEPS),
+            trial.x0,
+            initial.duration(_N_STEPS) + _SETTLING_TIME,
             method=TimeStepping(dt=_TIME_STEP),
-            save_every=_SAVE_EVERY,
-            draws=dataclasses.replace(draws, seed=draws.seed + k),
+            save_every=_SAVE_STRIDE,
+            draws=dataclasses.replace(draws, seed=draws.seed + round_index),
         )
         if tuned.status is AnswerStatus.STOPPED:
             raise KeyboardInterrupt
         is_complete = is_complete and tuned.status is not AnswerStatus.TIMEOUT
-        share *= 1.0 if tuned.cost < lowest_cost else 0.5
-        best, lowest_cost = gait_of(tuned.values), tuned.cost
-        if lowest_cost < _GOOD_COST or share < _MIN_SPREAD_SHARE:
+        spread_share *= 1.0 if tuned.cost < lowest_cost else 0.5
+        best, lowest_cost = gait_from(tuned.values), tuned.cost
+        if lowest_cost < _GOOD_COST or spread_share < _MIN_SPREAD_SHARE:
             break
-    return steps.checked(best), is_complete
+    return trial.check(best), is_complete
 
 
 def gait_cost(body_parts: BodyParts, run: Trajectory, gait: Gait, steps: int) -> float:

@@ -11,8 +11,8 @@ import numpy as np
 from fantoccini.base import Array, Outcome, Status
 from fantoccini.model.puppet import Box, Capsule, Ellipsoid, Mesh, Shape, Sphere, load_mesh
 from fantoccini.motion import Trajectory
-from fantoccini.theatre.gaits.gait import PREPARATION, Gait
-from fantoccini.theatre.gestures import BodyParts, feet, leg_length, phases
+from fantoccini.theatre.gaits.gait import PREPARATION_STEPS, Gait
+from fantoccini.theatre.gestures import BodyParts, foot_links, gait_phases, leg_length
 
 MAX_STANDING_HEIGHT, MAX_SLIDING_HEIGHT = 1e-4, 3e-5
 """Heights below which a foot counts as on the floor, and as sliding on it [m]."""
@@ -124,16 +124,16 @@ def footfalls(body_parts: BodyParts, run: Trajectory, gait: Gait, steps: int) ->
     marionette, t = body_parts.marionette, np.asarray(run.t) - run.t[0]
     poses = marionette.poses(run.q_D, run.q_K)
     floor = marionette.number(marionette.puppet.floor or 0.0)
-    leg_phases = phases(body_parts.body_map, gait.pattern)
+    leg_phases = gait_phases(body_parts.body_map, gait.pattern)
     n_cycles = int(np.ceil(0.5 * steps))
     is_whole = t[-1] > gait.duration(steps) - _SAME_TIME
     if not is_whole:
-        n_complete = 0.5 * (t[-1] / gait.step_time - PREPARATION) - max(leg_phases.values())
+        n_complete = 0.5 * (t[-1] / gait.step_time - PREPARATION_STEPS) - max(leg_phases.values())
         n_cycles = min(n_cycles, max(0, int(n_complete)))
     slide, lift, stands = np.zeros((3, n_cycles, len(leg_phases)))
-    for leg, (name, foot) in enumerate(feet(body_parts).items()):
+    for leg, (name, foot) in enumerate(foot_links(body_parts).items()):
         height, slides = _lowest(marionette.tree.links[foot].shapes, poses[:, foot], floor)
-        cycle = 0.5 * (t / gait.step_time - PREPARATION) - leg_phases[name]
+        cycle = 0.5 * (t / gait.step_time - PREPARATION_STEPS) - leg_phases[name]
         for k in range(n_cycles):
             inside = (cycle >= k) & (cycle < k + 1)
             slide[k, leg], lift[k, leg] = slides[inside].sum(), height[inside].max()

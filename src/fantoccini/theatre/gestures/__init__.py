@@ -5,116 +5,114 @@ from fantoccini.theatre.gestures.aiming import check_parts
 from fantoccini.theatre.gestures.body_parts import BodyParts
 from fantoccini.theatre.gestures.compiling import load_score
 from fantoccini.theatre.gestures.conducting import Conductor
-from fantoccini.theatre.gestures.ends import Complex, ComplexCurve, Curve, Ends, times
+from fantoccini.theatre.gestures.ends import Complex, ComplexCurve, Curve, Ends, scale_curve
 from fantoccini.theatre.gestures.gesture import Gesture
 from fantoccini.theatre.gestures.gesture_file import (
-    bundled,
+    bundled_gesture_path,
+    gesture_from_take,
     gesture_names,
-    gesture_of_take,
     gesture_schema,
     is_gesture,
     load_gesture,
 )
-from fantoccini.theatre.gestures.joining import Line, Motion
+from fantoccini.theatre.gestures.joining import Motion, MotionSequence
 from fantoccini.theatre.gestures.leg_order import (
     Pattern,
-    feet,
+    foot_links,
+    gait_phases,
     leg_length,
     leg_strings,
     legs,
-    phases,
 )
 from fantoccini.theatre.gestures.moves import names_and_units, xy_indices
 from fantoccini.theatre.gestures.parameters import COMPUTED_GESTURES
 from fantoccini.theatre.gestures.performing import (
-    CannotBe,
+    CueError,
+    CuePart,
     Hands,
-    Part,
-    Performed,
+    LatenessPolicy,
+    PendingCue,
+    PerformedScript,
     Performer,
-    Placed,
-    Policy,
-    Turn,
+    PlacedCue,
 )
-from fantoccini.theatre.gestures.piecewise import at
 from fantoccini.theatre.gestures.rehearsing import Rehearsal, rehearse
-from fantoccini.theatre.gestures.score import Caption, Played, Score, Sound, Wait
-from fantoccini.theatre.gestures.score_gestures import gesture_beside
+from fantoccini.theatre.gestures.score import Caption, PlayedGesture, Score, Sound, Wait
+from fantoccini.theatre.gestures.score_gestures import find_gesture_file
 from fantoccini.theatre.gestures.sounding import read_sounds
-from fantoccini.theatre.gestures.stepping import STEP_TIME, Step, Track
+from fantoccini.theatre.gestures.stepping import STEP_TIME, Step, StepPath
 from fantoccini.theatre.gestures.styling import Style
-from fantoccini.theatre.gestures.timekeeping import Late, lateness
+from fantoccini.theatre.gestures.timekeeping import LimbLateness, measure_lateness
 from fantoccini.theatre.gestures.transitions import (
-    ACCELERATION,
-    ARM,
-    SAME,
-    SPEED,
-    limits,
+    MAX_ACCELERATION,
+    MAX_SPEED,
+    OFFSET_TOLERANCE,
+    TURN_RADIUS,
+    motion_bounds,
     transition,
 )
-from fantoccini.theatre.gestures.walking import SWAY, leg_ratio, steps
+from fantoccini.theatre.gestures.walking import SWAY, leg_ratio, step_gesture
 
 __all__ = [
-    "ACCELERATION",
-    "ARM",
     "COMPUTED_GESTURES",
-    "SAME",
-    "SPEED",
+    "MAX_ACCELERATION",
+    "MAX_SPEED",
+    "OFFSET_TOLERANCE",
     "STEP_TIME",
     "SWAY",
+    "TURN_RADIUS",
     "BodyParts",
-    "CannotBe",
     "Caption",
     "Complex",
     "ComplexCurve",
     "Conductor",
+    "CueError",
+    "CuePart",
     "Curve",
     "Ends",
     "Gesture",
     "Hands",
-    "Late",
-    "Line",
+    "LatenessPolicy",
+    "LimbLateness",
     "Motion",
-    "Part",
+    "MotionSequence",
     "Pattern",
-    "Performed",
+    "PendingCue",
+    "PerformedScript",
     "Performer",
-    "Placed",
-    "Played",
-    "Policy",
+    "PlacedCue",
+    "PlayedGesture",
     "Rehearsal",
     "Score",
     "Sound",
     "Step",
+    "StepPath",
     "Style",
-    "Track",
-    "Turn",
     "Wait",
-    "at",
-    "bundled",
+    "bundled_gesture_path",
     "check_parts",
-    "feet",
-    "gesture_beside",
+    "find_gesture_file",
+    "foot_links",
+    "gait_phases",
+    "gesture_from_take",
     "gesture_names",
-    "gesture_of_take",
     "gesture_schema",
     "is_gesture",
-    "lateness",
     "leg_length",
     "leg_ratio",
     "leg_strings",
     "legs",
-    "limits",
     "load_gesture",
     "load_score",
+    "measure_lateness",
+    "motion_bounds",
     "names_and_units",
-    "phases",
     "piecewise",
     "read_sounds",
     "rehearse",
+    "scale_curve",
+    "step_gesture",
     "stepping",
-    "steps",
-    "times",
     "transition",
     "xy_indices",
 ]

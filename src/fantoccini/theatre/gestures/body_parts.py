@@ -21,7 +21,7 @@ from fantoccini.model.tree import WORLD, Role, measure, point_position
 
 KINDS = ("arm", "leg", "wing", "tail", "neck")
 """Kinds of limbs; a plural means all limbs of the kind, and none if the puppet has none."""
-_PLURALS = tuple(f"{kind}s" for kind in KINDS)
+_PLURAL_KINDS = tuple(f"{kind}s" for kind in KINDS)
 SizeKind: TypeAlias = Literal["whole", "arm", "leg", "wing", "tail", "neck"]
 """Kind of limb, or the whole body, whose size scales offsets of trunk and head."""
 TRUNK_ENDS = ("trunk_front", "trunk_hind")
@@ -30,7 +30,7 @@ _MIN_TRUNK_SPAN = 0.1
 """Minimum span of the carrying strings along a trunk with two ends, relative to the size."""
 _HEADING_DECIMALS = 9
 """Decimals to which the heading of a puppet is rounded [rad]."""
-_SAME_PLACE = 1e-9
+_SAME_POSITION_TOLERANCE = 1e-9
 """Tolerance of places along a trunk, relative to the size."""
 
 
@@ -40,14 +40,14 @@ class Move:
 
     Attributes:
         string: name of the string, or of the bar's joint.
-        way: direction such as ``up``, for a puppet that looks along x.
-        kind: kind of limb, or ``whole``.
+        direction: such as ``up``, for a puppet that looks along x.
+        size_kind: kind of limb, or ``whole``, whose size scales the motion.
         size: length of the limb, or size of the body [m].
     """
 
     string: str
-    way: str
-    kind: SizeKind
+    direction: str
+    size_kind: SizeKind
     size: float
 
 
@@ -66,14 +66,14 @@ class BodyParts:
     body_map: BodyMap
 
     @classmethod
-    def of(cls, marionette: Marionette, member: str = "") -> BodyParts:
+    def for_puppet(cls, marionette: Marionette, member: str = "") -> BodyParts:
         """Parts of a puppet, or of a scene's member.
 
         Raises:
             StateError: it has no body map.
         """
-        own = member if marionette.puppet.members else ""
-        return cls(marionette, member, marionette.body_map_of(own))
+        member_with_map = member if marionette.puppet.members else ""
+        return cls(marionette, member, marionette.body_map_of(member_with_map))
 
     @property
     def heading(self) -> float:
@@ -150,26 +150,26 @@ class BodyParts:
             return self.body_map.size
         lengths = [limb.length for limb in self.body_map.limbs if limb.kind == kind]
         if not lengths:
-            raise StateError(f"the size of a {kind} scales its moves; {self._has}")
+            raise StateError(f"the size of a {kind} scales its moves; {self._parts_text}")
         return max(lengths)
 
-    def lacks(self, parts: Collection[str]) -> StateError:
+    def missing_parts_error(self, parts: Collection[str]) -> StateError:
         """Error of a gesture that moves only parts which the puppet lacks, or no string moves."""
         kinds = {limb.kind for limb in self.body_map.limbs}
-        if still := [part for part in parts if part.removesuffix("s") in kinds]:
-            return self._moved_by_no_string(" and ".join(still))
-        return StateError(f"it moves {' and '.join(parts)}; {self._has}")
+        if unmoved_parts := [part for part in parts if part.removesuffix("s") in kinds]:
+            return self._no_string_error(" and ".join(unmoved_parts))
+        return StateError(f"it moves {' and '.join(parts)}; {self._parts_text}")
 
-    def _moved_by_no_string(self, part: str) -> StateError:
+    def _no_string_error(self, part: str) -> StateError:
         return StateError(f"it moves {part}, which no string of {self._name} moves")
 
     @property
-    def _has(self) -> str:
+    def _parts_text(self) -> str:
         """Parts of the puppet, for messages."""
         head = ("head",) if self.body_map.head else ()
         ends = (end for end, strings in self.trunk_ends.items() if strings)
-        have = ("trunk", *ends, *head, *self.body_map.parts, *self.bars)
-        return f"{self._name} has {', '.join(have)}"
+        part_names = ("trunk", *ends, *head, *self.body_map.parts, *self.bars)
+        return f"{self._name} has {', '.join(part_names)}"
 
     @cached_property
     def trunk_ends(self) -> dict[str, tuple[str, ...]]:
@@ -182,18 +182,18 @@ class BodyParts:
         poses = measure(tree, number).poses
         trunk = self.marionette.link_index(self.body_map.trunk[0])
         forward = poses[trunk, :, :3] @ np.array(self.body_map.facing)
-        ahead = {
+        positions = {
             row.name: float(point_position(poses[None], point, number)[0] @ forward)
             for row in (*tree.strings, *tree.chains)
             for point in (row.points[0], row.points[-1])
             if row.name in self.body_map.carrying and trunk in tree.ancestors(point.link)
         }
-        first, last = max(ahead.values(), default=0.0), min(ahead.values(), default=0.0)
+        first, last = max(positions.values(), default=0.0), min(positions.values(), default=0.0)
         if first - last < _MIN_TRUNK_SPAN * self.body_map.size:
             return dict.fromkeys(TRUNK_ENDS, ())
-        middle = 0.5 * (first + last) + _SAME_PLACE * self.body_map.size
-        front = tuple(name for name, x in ahead.items() if x > middle)
-        hind = tuple(name for name in ahead if name not in front)
+        middle = 0.5 * (first + last) + _SAME_POSITION_TOLERANCE * self.body_map.size
+        front = tuple(name for name, position in positions.items() if position > middle)
+        hind = tuple(name for name in positions if name not in front)
         return dict(zip(TRUNK_ENDS, (front, hind), strict=True))
 
     def moves(self, name: str) -> list[Move]:
@@ -205,11 +205,11 @@ class BodyParts:
         Raises:
             StateError: the puppet has no such part, or no string moves it.
         """
-        part, _, way = name.rpartition(".")
+        part, _, direction = name.rpartition(".")
         body = self.body_map
         if part in self.bars:
             lengths = {f"{limb.kind}_bar": (limb.kind, limb.length) for limb in body.limbs}
-            return [Move(self.bars[part], way, *lengths.get(part, ("whole", body.size)))]
+            return [Move(self.bars[part], direction, *lengths.get(part, ("whole", body.size)))]
         parts: list[tuple[str, SizeKind, float, str]] = [
             (limb_name, limb.kind, limb.length, limb.side)
             for limb_name, limb in body.parts.items()
@@ -217,38 +217,38 @@ class BodyParts:
         ]
         if part in ("trunk", *TRUNK_ENDS, "head"):
             parts = [(part, "whole", body.size, "middle")]
-        is_plural = part in _PLURALS
+        is_plural = part in _PLURAL_KINDS
         if (not parts and not is_plural) or (part == "head" and body.head is None):
-            raise self.lacks([part])
+            raise self.missing_parts_error([part])
         moves = []
         for part_name, kind, size, side in parts:
             is_end = part_name in TRUNK_ENDS
             strings = self.trunk_ends[part_name] if is_end else body.strings_of(part_name)
             if not (strings or is_plural):
-                raise self._moved_by_no_string(part_name)
-            direction = self._left_or_right(way, side)
-            moves += [Move(string, direction, kind, size) for string in strings]
+                raise self._no_string_error(part_name)
+            string_direction = self._without_in_and_out(direction, side)
+            moves += [Move(string, string_direction, kind, size) for string in strings]
         return moves
 
     @property
     def _name(self) -> str:
         return self.member or self.marionette.name
 
-    def _left_or_right(self, way: str, side: str) -> str:
+    def _without_in_and_out(self, direction: str, side: str) -> str:
         """The direction, with left or right instead of ``in`` and ``out``."""
-        if way not in ("in", "out"):
-            return way
+        if direction not in ("in", "out"):
+            return direction
         if side not in ("left", "right"):
-            raise StateError(f"it moves a part in the middle {way}; needed: left or right")
-        other = {"left": "right", "right": "left"}
-        return side if way == "out" else other[side]
+            raise StateError(f"it moves a part in the middle {direction}; needed: left or right")
+        opposite_side = {"left": "right", "right": "left"}
+        return side if direction == "out" else opposite_side[side]
 
 
-def moves_of(
+def string_moves(
     body_parts: BodyParts,
     names: Iterable[str],
     scaled_by: Mapping[str, SizeKind] | None = None,
-    still: Collection[str] = (),
+    zero_names: Collection[str] = (),
 ) -> dict[str, tuple[str, Move]]:
     """Moves of strings for names of parts and directions, such as ``arm_right.up``.
 
@@ -256,8 +256,8 @@ def moves_of(
         body_parts: parts of the puppet's body.
         names: parts and directions, such as ``trunk.down``.
         scaled_by: part -> kind of limb whose size scales its moves, in place of its own.
-        still: names whose offsets are all 0; their ``out`` and ``in`` are read as ``left``, so that
-            they also work for parts in the middle.
+        zero_names: names whose offsets are all 0; their ``out`` and ``in`` are read as ``left``, so
+            that they also work for parts in the middle.
 
     Returns:
         String and direction, such as ``hand_right.up`` -> the part's name, and the move.
@@ -269,16 +269,20 @@ def moves_of(
     moves: dict[str, tuple[str, Move]] = {}
     parts: dict[str, None] = {}
     for name in names:
-        part, _, way = name.rpartition(".")
+        part, _, direction = name.rpartition(".")
         parts[part] = None
-        is_aside = name in still and way in ("in", "out")
-        for move in body_parts.moves(f"{part}.left" if is_aside else name):
-            key = f"{move.string}.{move.way}"
+        is_sideways = name in zero_names and direction in ("in", "out")
+        for move in body_parts.moves(f"{part}.left" if is_sideways else name):
+            key = f"{move.string}.{move.direction}"
             if key in moves:
                 raise StateError(f"it moves {name} and {moves[key][0]}, which both move {key}")
-            kind = (scaled_by or {}).get(part)
-            scaled = replace(move, kind=kind, size=body_parts.size_of(kind)) if kind else move
-            moves[key] = name, scaled
+            size_kind = (scaled_by or {}).get(part)
+            scaled_move = (
+                replace(move, size_kind=size_kind, size=body_parts.size_of(size_kind))
+                if size_kind
+                else move
+            )
+            moves[key] = name, scaled_move
     if not moves:
-        raise body_parts.lacks([*parts])
+        raise body_parts.missing_parts_error([*parts])
     return moves

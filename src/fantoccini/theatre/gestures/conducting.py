@@ -38,9 +38,9 @@ class Conductor:
         self.t, self._next, self._released = 0.0, 0, False
 
     def __repr__(self) -> str:
-        here = "" if self.waiting is None else f", waits at {self.waiting.name}"
-        of = f"{self.t:.2f} of {self.score.duration:g} s"
-        return f"<Conductor of {self.score.name!r}: {of}{here}>"
+        wait_text = "" if self.waiting is None else f", waits at {self.waiting.name}"
+        progress = f"{self.t:.2f} of {self.score.duration:g} s"
+        return f"<Conductor of {self.score.name!r}: {progress}{wait_text}>"
 
     @property
     def waiting(self) -> Wait | None:
@@ -124,10 +124,10 @@ class Conductor:
             ValueError: the time is negative.
         """
         if isinstance(to, str):
-            places = {**self.score.marks, **{wait.name: wait.t for wait in self.score.waits}}
-            if to not in places:
-                raise UnknownNameError("mark or wait", to, places)
-            to = places[to]
+            times_by_name = {**self.score.marks, **{wait.name: wait.t for wait in self.score.waits}}
+            if to not in times_by_name:
+                raise UnknownNameError("mark or wait", to, times_by_name)
+            to = times_by_name[to]
         check_not_negative(to=to)
         self.t = min(float(to), self.score.duration)
         self._next = sum(wait.t < self.t for wait in self.score.waits)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from fantoccini.base.documents import Mistakes
-from fantoccini.theatre.gestures.body_parts import BodyParts, moves_of
-from fantoccini.theatre.gestures.gesture import Gesture, numbered
+from fantoccini.theatre.gestures.body_parts import BodyParts, string_moves
+from fantoccini.theatre.gestures.gesture import Gesture, numbered_mark
 from fantoccini.theatre.gestures.own_axes import OwnAxes
 from fantoccini.theatre.gestures.walking import walk_parameters
 
@@ -14,7 +14,7 @@ _STEP_TIME = 0.8
 """Duration of a step [s]: a wrist rocks a bar more slowly than fingers wind strings."""
 _ROCK_ANGLE = np.radians(23.0)
 """Angle by which a leg bar rocks to each side [rad]."""
-_END_SHARE = 0.25
+_HALF_STEP_SHARE = 0.25
 """Distance in the first and in the last half of a step time, as a share of a step."""
 
 
@@ -39,29 +39,29 @@ def walk_on_control(
             roll or the control not move forward.
         StateError: the puppet has no leg bar.
     """
-    n, step, angle = walk_parameters(body_parts, mistakes, count, length, turn)
-    if angle != 0.0:
-        text = f"found {np.degrees(angle):g} deg; needed: 0, since a control walks straight on"
+    n_steps, step_length, total_turn = walk_parameters(body_parts, mistakes, count, length, turn)
+    if total_turn != 0.0:
+        text = f"found {np.degrees(total_turn):g} deg; needed: 0, since a control walks straight on"
         mistakes.add(("turn",), text)
     mistakes.refuse()
-    t = _STEP_TIME * np.array([0.0, 0.5, n - 0.5, n])
-    distance = step * np.array([0.0, _END_SHARE, n - _END_SHARE, n])
-    if n == 1:
+    t = _STEP_TIME * np.array([0.0, 0.5, n_steps - 0.5, n_steps])
+    distance = step_length * np.array([0.0, _HALF_STEP_SHARE, n_steps - _HALF_STEP_SHARE, n_steps])
+    if n_steps == 1:
         t, distance = t[[0, -1]], distance[[0, -1]]
     offsets = {
-        "leg_bar.roll_right": _rocking(n),
+        "leg_bar.roll_right": _rocking_points(n_steps),
         "control.forward": list(zip(t.tolist(), distance.tolist(), strict=True)),
     }
-    points = {name: offsets[part] for name, (part, _) in moves_of(body_parts, offsets).items()}
+    points = {name: offsets[part] for name, (part, _) in string_moves(body_parts, offsets).items()}
     marks: dict[str, float] = {}
-    for k in range(n):
-        marks[numbered(("left", "right")[k % 2], marks)] = (k + 0.5) * _STEP_TIME
-    axes = OwnAxes.of(body_parts.marionette, [body_parts])
-    walk = Gesture.of(axes.own, points, travels=True, name="walk", marks=marks)
-    return walk.placed(axes)
+    for k in range(n_steps):
+        marks[numbered_mark(("left", "right")[k % 2], marks)] = (k + 0.5) * _STEP_TIME
+    axes = OwnAxes.for_members(body_parts.marionette, [body_parts])
+    walk = Gesture.from_points(axes.own_table, points, travels=True, name="walk", marks=marks)
+    return walk.in_driven_axes(axes)
 
 
-def _rocking(n: int) -> list[tuple[float, float]]:
+def _rocking_points(n_steps: int) -> list[tuple[float, float]]:
     """Times [s] and angles [rad] of the leg bar for n steps; positive peaks lift the left knee."""
-    peaks = [((k + 0.5) * _STEP_TIME, (-1.0) ** k * _ROCK_ANGLE) for k in range(n)]
-    return [(0.0, 0.0), *peaks, (n * _STEP_TIME, 0.0)]
+    peaks = [((k + 0.5) * _STEP_TIME, (-1.0) ** k * _ROCK_ANGLE) for k in range(n_steps)]
+    return [(0.0, 0.0), *peaks, (n_steps * _STEP_TIME, 0.0)]

@@ -36,11 +36,11 @@ class Ends:
 
     Attributes:
         body_parts: parts of the puppet's body.
-        body: names of the strings that carry head and trunk.
-        places: string -> x + i y of its end at the start [m].
+        body_strings: names of the strings that carry head and trunk.
+        positions: string -> x + i y of its end at the start [m].
         middle: midpoint of the ends of the strings that carry the trunk [m].
         curves: driven coordinate -> offsets.
-        turns: whether the heading changes.
+        changes_heading: whether the heading changes.
 
     Args:
         start: state at rest.
@@ -51,26 +51,32 @@ class Ends:
 
     body_parts: BodyParts
     start: State
-    body: tuple[str, ...] = field(default=(), init=False)
-    places: dict[str, complex] = field(default_factory=dict, init=False)
+    body_strings: tuple[str, ...] = field(default=(), init=False)
+    positions: dict[str, complex] = field(default_factory=dict, init=False)
     middle: complex = field(default=0j, init=False)
     curves: dict[str, Curve] = field(default_factory=dict, init=False)
-    turns: bool = field(default=False, init=False)
+    changes_heading: bool = field(default=False, init=False)
 
     def __post_init__(self) -> None:
-        carrying = self.body_parts.strings("trunk")
+        trunk_strings = self.body_parts.strings("trunk")
         has_head = bool(self.body_parts.body_map.looking)
-        self.body = self.body_parts.strings("head", "trunk") if has_head else carrying
-        known = pieces.channel_names(self.table)
-        own = [name[len(self.prefix) :] for name in known if name.startswith(self.prefix)]
-        owners = {name.rsplit(".", 1)[0] for name in own}
-        for owner in self.body:
+        self.body_strings = self.body_parts.strings("head", "trunk") if has_head else trunk_strings
+        channels = pieces.channel_names(self.table)
+        coordinate_names = [
+            name[len(self.prefix) :] for name in channels if name.startswith(self.prefix)
+        ]
+        owners = {name.rsplit(".", 1)[0] for name in coordinate_names}
+        for owner in self.body_strings:
             self.check_driven(owner)
         for owner in sorted(owners):
-            if f"{owner}.x" in own and f"{owner}.y" in own and "." not in owner:
+            if (
+                f"{owner}.x" in coordinate_names
+                and f"{owner}.y" in coordinate_names
+                and "." not in owner
+            ):
                 x, y = (float(self.start[f"{self.prefix}{owner}.{part}"]) for part in "xy")
-                self.places[owner] = complex(x, y)
-        self.middle = sum(self.places[name] for name in carrying) / len(carrying)
+                self.positions[owner] = complex(x, y)
+        self.middle = sum(self.positions[name] for name in trunk_strings) / len(trunk_strings)
 
     @property
     def table(self) -> CoordinateTable:
@@ -84,12 +90,12 @@ class Ends:
 
     def check_driven(self, string: str) -> None:
         """Raises StateError unless a string's end moves along x and y, and it is wound."""
-        known = pieces.channel_names(self.table)
+        channels = pieces.channel_names(self.table)
         for part in ("x", "y", "length"):
-            if f"{self.prefix}{string}.{part}" not in known:
+            if f"{self.prefix}{string}.{part}" not in channels:
                 raise StateError(f"it moves {not_driven(f'{self.prefix}{string}.{part}', True)}")
 
-    def carry(
+    def move_rigidly(
         self,
         path: ComplexCurve,
         heading: Curve,
@@ -107,29 +113,37 @@ class Ends:
             sway: w, to the left of the path; -i times an offset forward [m].
             names: strings whose ends move; all by default.
         """
-        self.turns = self.turns or bool(np.any(heading[0] != 0.0))
-        theta, rate, change = heading
+        self.changes_heading = self.changes_heading or bool(np.any(heading[0] != 0.0))
+        theta, angular_rate, angular_acceleration = heading
         w0, w1, w2 = sway if sway is not None else (0.0 * theta,) * 3
-        if first := self.body_parts.heading:
+        if file_heading := self.body_parts.heading:
             # Ends lie about the middle as they do in the file; path and sway turn with the puppet.
-            turn = np.exp(1j * first)
-            path, (w0, w1, w2) = times(turn, path), times(turn, (w0, w1, w2))
-        e = np.exp(1j * theta)
-        for name in self.places if names is None else names:
-            place = self.places[name]
-            home = place - self.middle
-            arm = e * (home + 1j * w0)
-            moved = path[0] + arm - home
-            speed = path[1] + 1j * rate * arm + 1j * e * w1
-            second = path[2] + (1j * change - rate**2) * arm - 2.0 * rate * e * w1 + 1j * e * w2
+            file_turn = np.exp(1j * file_heading)
+            path, (w0, w1, w2) = scale_curve(file_turn, path), scale_curve(file_turn, (w0, w1, w2))
+        rotation = np.exp(1j * theta)
+        for name in self.positions if names is None else names:
+            position = self.positions[name]
+            home = position - self.middle
+            arm = rotation * (home + 1j * w0)
+            offset = path[0] + arm - home
+            velocity = path[1] + 1j * angular_rate * arm + 1j * rotation * w1
+            acceleration = (
+                path[2]
+                + (1j * angular_acceleration - angular_rate**2) * arm
+                - 2.0 * angular_rate * rotation * w1
+                + 1j * rotation * w2
+            )
             for part, component in (("x", np.real), ("y", np.imag)):
-                self.add(f"{name}.{part}", (component(moved), component(speed), component(second)))
+                self.add(
+                    f"{name}.{part}",
+                    (component(offset), component(velocity), component(acceleration)),
+                )
 
     def add(self, name: str, curve: Curve) -> None:
         """Adds an offset to the motion of a coordinate."""
-        before = self.curves.get(name)
-        if before is not None:
-            curve = (before[0] + curve[0], before[1] + curve[1], before[2] + curve[2])
+        existing = self.curves.get(name)
+        if existing is not None:
+            curve = (existing[0] + curve[0], existing[1] + curve[1], existing[2] + curve[2])
         self.curves[name] = curve
 
     def gesture(self, t: Times, name: str, marks: dict[str, float], travels: bool) -> Gesture:
@@ -141,18 +155,24 @@ class Ends:
             marks: mark -> time [s].
             travels: whether the next gesture begins where this one ends.
         """
-        h, n = np.diff(t), self.table.n_vK
-        coef, named = np.zeros((len(h), n, polynomial.N_COEF)), np.zeros(n, dtype=bool)
-        travel, known = np.zeros(n), pieces.channel_names(self.table)
+        durations, n_vK = np.diff(t), self.table.n_vK
+        coef, named = (
+            np.zeros((len(durations), n_vK, polynomial.N_COEF)),
+            np.zeros(n_vK, dtype=bool),
+        )
+        travel, channels = np.zeros(n_vK), pieces.channel_names(self.table)
         for channel, curve in self.curves.items():
-            v = known[self.prefix + channel][1].start
-            d, rate, change = curve
-            first, last = (d[:-1], rate[:-1], change[:-1]), (d[1:], rate[1:], change[1:])
-            coef[:, v] = polynomial.hermite(h, first, last)
+            v = channels[self.prefix + channel][1].start
+            offset, rate, acceleration = curve
+            start_values, end_values = (
+                (offset[:-1], rate[:-1], acceleration[:-1]),
+                (offset[1:], rate[1:], acceleration[1:]),
+            )
+            coef[:, v] = polynomial.hermite(durations, start_values, end_values)
             named[v], travel[v] = True, curve[0][-1] if travels else 0.0
-        return Gesture(self.table, t, coef, named, travel, name, marks, self.turns)
+        return Gesture(self.table, t, coef, named, travel, name, marks, self.changes_heading)
 
 
-def times(factor: Any, curve: tuple[Any, Any, Any]) -> tuple[Any, Any, Any]:
+def scale_curve(factor: Any, curve: tuple[Any, Any, Any]) -> tuple[Any, Any, Any]:
     """A curve multiplied by a factor."""
     return factor * curve[0], factor * curve[1], factor * curve[2]

@@ -18,10 +18,21 @@ from fantoccini.base import Array, MaskRows, StateError, Times, VecK, check_posi
 from fantoccini.base.documents import Mistakes
 from fantoccini.motion import SAME_TIME, Input, State, Table, binding, pieces, reading
 from fantoccini.theatre.gestures import moves, piecewise
-from fantoccini.theatre.gestures.joining import Line, Motion
+from fantoccini.theatre.gestures.joining import Motion, MotionSequence
 from fantoccini.theatre.gestures.own_axes import OwnAxes
-from fantoccini.theatre.gestures.transitions import ACCELERATION, SAME, SPEED, Limit, limits
-from fantoccini.theatre.gestures.turns import check_turns, end_shift, from_start, with_rotations
+from fantoccini.theatre.gestures.transitions import (
+    MAX_ACCELERATION,
+    MAX_SPEED,
+    OFFSET_TOLERANCE,
+    MotionBound,
+    motion_bounds,
+)
+from fantoccini.theatre.gestures.turns import (
+    check_turns,
+    end_shift,
+    join_rotations,
+    relative_to_start,
+)
 
 if TYPE_CHECKING:
     from fantoccini.dynamics.marionette import Marionette
@@ -40,7 +51,7 @@ class Gesture:
     ::
 
         wave = fan.theatre.load_gesture(puppet, "wave")
-        bow = fan.theatre.Gesture.of(puppet, {"head.down": [(0, 0), (0.8, 0.1), (1.6, 0)]})
+        bow = fan.theatre.Gesture.from_points(puppet, {"head.down": [(0, 0), (0.8, 0.1), (1.6, 0)]})
         both = wave.mirrored().then(bow, bow.scaled(0.5).faster(1.5))
         run = fan.simulate(puppet, x0, both.inputs(x0))
 
@@ -55,8 +66,8 @@ class Gesture:
         name: name of the gesture.
         marks: name -> time within it [s], such as that at which a hand is up or a foot lands. In a
             row of gestures the second mark ``up`` is called ``up 2``, and so on.
-        turns: whether it turns the ends of all strings together; it is then neither scaled nor
-            repeated, which would change the distances between the ends.
+        changes_heading: whether it turns the ends of all strings together; it is then neither
+            scaled nor repeated, which would change the distances between the ends.
     """
 
     coordinates: CoordinateTable
@@ -66,11 +77,11 @@ class Gesture:
     travel: VecK
     name: str = ""
     marks: Mapping[str, float] = field(default_factory=dict)
-    turns: bool = False
+    changes_heading: bool = False
 
     def __post_init__(self) -> None:
-        n, k = len(self.breaks) - 1, self.coordinates.n_vK
-        shapes = {"breaks": (n + 1,), "coef": (n, k, 6), "named": (k,), "travel": (k,)}
+        n, n_vK = len(self.breaks) - 1, self.coordinates.n_vK
+        shapes = {"breaks": (n + 1,), "coef": (n, n_vK, 6), "named": (n_vK,), "travel": (n_vK,)}
         for name, shape in shapes.items():
             value = frozen(getattr(self, name), bool if name == "named" else float)
             if value.shape != shape:
@@ -88,8 +99,8 @@ class Gesture:
                 )
 
     def __repr__(self) -> str:
-        called = f" {self.name!r}" if self.name else ""
-        return f"<Gesture{called}: {self.duration:g} s, moves {', '.join(self.uses) or 'nothing'}>"
+        name = f" {self.name!r}" if self.name else ""
+        return f"<Gesture{name}: {self.duration:g} s, moves {', '.join(self.uses) or 'nothing'}>"
 
     @property
     def duration(self) -> float:
@@ -99,9 +110,9 @@ class Gesture:
     @cached_property
     def uses(self) -> tuple[str, ...]:
         """Strings and joints whose coordinates it moves."""
-        places = pieces.channel_names(self.coordinates)
-        named = [name for name, (_, v) in places.items() if self.named[v.start]]
-        return tuple(dict.fromkeys(name.rsplit(".", 1)[0] for name in named))
+        channels = pieces.channel_names(self.coordinates)
+        names = [name for name, (_, v) in channels.items() if self.named[v.start]]
+        return tuple(dict.fromkeys(name.rsplit(".", 1)[0] for name in names))
 
     @property
     def motion(self) -> Motion:
@@ -111,12 +122,12 @@ class Gesture:
     @property
     def ends(self) -> tuple[Array, Array]:
         """(2, n_vK) offsets and (2, n_vK) rates at its beginning and end."""
-        both = [piecewise.at(self.breaks, self.coef, t) for t in (0.0, self.duration)]
-        return np.array([d for d, _ in both]), np.array([rate for _, rate in both])
+        states = [self.offsets(t) for t in (0.0, self.duration)]
+        return np.array([d for d, _ in states]), np.array([rate for _, rate in states])
 
     def offsets(self, t: float) -> tuple[VecK, VecK]:
         """(n_vK,) offsets and (n_vK,) rates at a time [s], which is clipped to its duration."""
-        return piecewise.at(self.breaks, self.coef, float(np.clip(t, 0.0, self.duration)))
+        return piecewise.evaluate(self.breaks, self.coef, float(np.clip(t, 0.0, self.duration)))
 
     @property
     def peaks(self) -> Array:
@@ -131,7 +142,7 @@ class Gesture:
     # -- constructors ------------------------------------------------------------------------
 
     @classmethod
-    def of(
+    def from_points(
         cls,
         table: Table,
         points: Mapping[str, Sequence[Any]],
@@ -156,18 +167,18 @@ class Gesture:
 
         Raises:
             InputError: the points have mistakes; all of them are listed.
-            StateError: see :meth:`of_offsets`.
+            StateError: see :meth:`from_offsets`.
             ValueError: nothing moves, or a mark is not within the gesture.
         """
         if not points:
             raise ValueError("points is empty; a gesture moves something")
         table, mistakes = reading.table_of(table), Mistakes.of_inputs()
-        read = moves.read(table, points, mistakes)
+        offsets = moves.read_offsets(table, points, mistakes)
         mistakes.refuse()
-        return cls.of_offsets(table, read, travels=travels, name=name, marks=marks)
+        return cls.from_offsets(table, offsets, travels=travels, name=name, marks=marks)
 
     @classmethod
-    def of_offsets(
+    def from_offsets(
         cls,
         table: CoordinateTable,
         offsets: Mapping[str, tuple[Times, Array]],
@@ -176,36 +187,36 @@ class Gesture:
         name: str = "",
         marks: Mapping[str, float] | None = None,
     ) -> Gesture:
-        """Gesture as in :meth:`of`, from arrays.
+        """Gesture as in :meth:`from_points`, from arrays.
 
         Args:
             table: coordinate table.
             offsets: name as in :func:`moves.scalar_indices` -> times [s] and offsets.
-            travels, name, marks: see :meth:`of`.
+            travels, name, marks: see :meth:`from_points`.
 
         Raises:
             TurnError: a driven body turns by nearly 180 degrees or more.
             StateError: it travels, and a driven body ends turned.
         """
-        channels = with_rotations(table, pieces.through_waypoints(table, offsets))
+        channels = join_rotations(table, pieces.through_waypoints(table, offsets))
         breaks, coef, _, named = pieces.assembled(table, channels, (0.0,))
         coef[:, ~named] = 0.0
         gesture = cls(table, breaks, coef, named, np.zeros(table.n_vK), name, dict(marks or {}))
         return replace(gesture, travel=end_shift(table, gesture.ends[0][1])) if travels else gesture
 
     @classmethod
-    def of_input(cls, inputs: Input, *, travels: bool = False, name: str = "") -> Gesture:
+    def from_input(cls, inputs: Input, *, travels: bool = False, name: str = "") -> Gesture:
         """Gesture that follows an input from its start: a recording, a plan or a search's result.
 
         Args:
             inputs: motion; ``recording.inputs`` of a live take, ``best.inputs`` of a search.
-            travels, name: see :meth:`of`.
+            travels, name: see :meth:`from_points`.
 
         Raises:
             StateError: a driven body turns by nearly 180 degrees, or the gesture travels and a
                 driven body ends turned.
         """
-        table, coef = inputs.coordinates, from_start(inputs, np.diff(inputs.breaks))
+        table, coef = inputs.coordinates, relative_to_start(inputs, np.diff(inputs.breaks))
         for _, v in table.scalars_K:
             coef[:, v, 0] -= coef[0, v, 0]
         coef[:, ~inputs.named] = 0.0
@@ -242,7 +253,7 @@ class Gesture:
                 body would turn by nearly 180 degrees or more.
         """
         check_positive(factor=factor)
-        if self.turns and factor != 1.0:
+        if self.changes_heading and factor != 1.0:
             raise StateError(f"{self.name} turns, and cannot be scaled; give it another turn")
         return replace(self, coef=factor * self.coef, travel=factor * self.travel)
 
@@ -261,34 +272,34 @@ class Gesture:
         check_positive(duration=duration)
         return self.faster(self.duration / duration)
 
-    def delayed(self, by: float) -> Gesture:
+    def delayed(self, pause: float) -> Gesture:
         """Copy that begins after a pause at its first offsets [s]."""
-        check_positive(by=by)
-        clock = np.append(0.0, self.breaks + by)
+        check_positive(pause=pause)
+        breaks = np.append(0.0, self.breaks + pause)
         return replace(
             self,
-            breaks=clock,
-            coef=piecewise.on(self.breaks + by, self.coef, clock),
-            marks={name: t + by for name, t in self.marks.items()},
+            breaks=breaks,
+            coef=piecewise.refine(self.breaks + pause, self.coef, breaks),
+            marks={name: t + pause for name, t in self.marks.items()},
         )
 
-    def moved(self, by: Mapping[str, float]) -> Gesture:
+    def moved(self, shifts: Mapping[str, float]) -> Gesture:
         """Copy with constant offsets added [m or rad].
 
         Args:
-            by: offsets, by names as in :meth:`of`.
+            shifts: offsets, by names as in :meth:`from_points`.
 
         Raises:
             InputError: the names have mistakes; all of them are listed.
         """
         mistakes = Mistakes.of_inputs()
-        points = {name: [(0.0, offset)] for name, offset in by.items()}
-        read = moves.read(self.coordinates, points, mistakes)
+        points = {name: [(0.0, offset)] for name, offset in shifts.items()}
+        waypoints = moves.read_offsets(self.coordinates, points, mistakes)
         mistakes.refuse()
-        coef, places = np.array(self.coef), moves.scalar_indices(self.coordinates)
-        for name, (_, offsets) in read.items():
-            coef[:, places[name], 0] += offsets[0]
-        named = self.named | Gesture.of_offsets(self.coordinates, read).named
+        coef, indices = np.array(self.coef), moves.scalar_indices(self.coordinates)
+        for name, (_, offsets) in waypoints.items():
+            coef[:, indices[name], 0] += offsets[0]
+        named = self.named | Gesture.from_offsets(self.coordinates, waypoints).named
         return replace(self, coef=coef, named=named)
 
     def mirrored(self, puppet: Marionette | None = None) -> Gesture:
@@ -306,21 +317,22 @@ class Gesture:
             StateError: it moves a joint in the middle whose axis is neither along y nor across it,
                 or its image would move an end along an axis that is not driven.
         """
-        axes, own = None, self
+        axes, gesture = None, self
         if puppet is not None:
-            axes = OwnAxes.moved_by(self.uses, puppet)
-            own = replace(self, coordinates=axes.own, **axes.seen(self.motion)._asdict())
-        coef, travel = np.zeros_like(own.coef), np.zeros_like(own.travel)
-        named = np.zeros_like(own.named)
-        for v, to, sign in moves.mirror_images(own.coordinates, own.named):
-            coef[:, to] = sign[:, None] * own.coef[:, v]
-            named[to], travel[to] = own.named[v], sign * own.travel[v]
-        image = replace(own, coef=coef, named=named, travel=travel)
-        return image if axes is None else image.placed(axes)
+            axes = OwnAxes.for_names(self.uses, puppet)
+            motion = axes.to_own(self.motion)
+            gesture = replace(self, coordinates=axes.own_table, **motion._asdict())
+        coef, travel = np.zeros_like(gesture.coef), np.zeros_like(gesture.travel)
+        named = np.zeros_like(gesture.named)
+        for v, image_v, sign in moves.mirror_images(gesture.coordinates, gesture.named):
+            coef[:, image_v] = sign[:, None] * gesture.coef[:, v]
+            named[image_v], travel[image_v] = gesture.named[v], sign * gesture.travel[v]
+        image = replace(gesture, coef=coef, named=named, travel=travel)
+        return image if axes is None else image.in_driven_axes(axes)
 
-    def placed(self, axes: OwnAxes) -> Gesture:
-        """Gesture of the puppet, from offsets along its own axes; see :meth:`OwnAxes.placed`."""
-        return replace(self, coordinates=axes.coordinates, **axes.placed(self.motion)._asdict())
+    def in_driven_axes(self, axes: OwnAxes) -> Gesture:
+        """Gesture of the puppet, from offsets along its own axes; see :meth:`OwnAxes.to_driven`."""
+        return replace(self, coordinates=axes.coordinates, **axes.to_driven(self.motion)._asdict())
 
     def turned(self, angle: float) -> Gesture:
         """Copy turned about the vertical by an angle [rad], for a puppet that has turned.
@@ -336,27 +348,30 @@ class Gesture:
         coef, travel, named = np.array(self.coef), np.array(self.travel), np.array(self.named)
         c, s = np.cos(angle), np.sin(angle)
         for x, y in moves.xy_indices(self.coordinates, self.named):
-            a, b = self.coef[:, x], self.coef[:, y]
-            coef[:, x], coef[:, y] = c * a - s * b, s * a + c * b
-            a, b = self.travel[x], self.travel[y]
-            travel[x], travel[y] = c * a - s * b, s * a + c * b
+            along_x, along_y = self.coef[:, x], self.coef[:, y]
+            coef[:, x], coef[:, y] = c * along_x - s * along_y, s * along_x + c * along_y
+            along_x, along_y = self.travel[x], self.travel[y]
+            travel[x], travel[y] = c * along_x - s * along_y, s * along_x + c * along_y
             named[[x, y]] = True
         return replace(self, coef=coef, travel=travel, named=named)
 
-    def repeated(self, times: int, **options: Any) -> Gesture:
+    def repeated(self, count: int, **options: Any) -> Gesture:
         """Copy repeated several times in a row; options are those of :meth:`then`.
 
         Raises:
             StateError: it turns; each repetition would need another heading.
         """
-        if not isinstance(times, int) or times < 1:
-            raise ValueError(f"times is {times!r}; it must be a whole number of at least 1")
-        if self.turns and times > 1:
+        if not isinstance(count, int) or count < 1:
+            raise ValueError(f"count is {count!r}; it must be a whole number of at least 1")
+        if self.changes_heading and count > 1:
             raise StateError(f"{self.name} turns: each time it needs a heading of its own")
-        return self.then(*[self] * (times - 1), **options) if times > 1 else self
+        return self.then(*[self] * (count - 1), **options) if count > 1 else self
 
     def then(
-        self, *others: Gesture, speed: Limit = SPEED, acceleration: Limit = ACCELERATION
+        self,
+        *others: Gesture,
+        speed: MotionBound = MAX_SPEED,
+        acceleration: MotionBound = MAX_ACCELERATION,
     ) -> Gesture:
         """This gesture, then others, in one motion whose position and velocity are continuous.
 
@@ -374,15 +389,16 @@ class Gesture:
             ValueError: they are of different puppets, or a bound is not greater than 0.
         """
         binding.check_same_puppet([gesture.coordinates for gesture in (self, *others)])
-        line = Line.empty(limits(self.coordinates, speed, acceleration), *(x[0] for x in self.ends))
+        bounds = motion_bounds(self.coordinates, speed, acceleration)
+        sequence = MotionSequence.empty(bounds, *(values[0] for values in self.ends))
         marks: dict[str, float] = {}
         for gesture in (self, *others):
-            line, start, _ = line.add(gesture.motion)
+            sequence, start, _ = sequence.add(gesture.motion)
             for name, t in gesture.marks.items():
-                marks[numbered(name, marks)] = start + t
+                marks[numbered_mark(name, marks)] = start + t
         names = dict.fromkeys(gesture.name for gesture in (self, *others) if gesture.name)
-        turns = any(gesture.turns for gesture in (self, *others))
-        return Gesture(self.coordinates, *line.motion, ", ".join(names), marks, turns)
+        changes_heading = any(gesture.changes_heading for gesture in (self, *others))
+        return Gesture(self.coordinates, *sequence.motion, ", ".join(names), marks, changes_heading)
 
     def __add__(self, other: Gesture) -> Gesture:
         """Sum of two gestures that begin together; the shorter one stays at its end.
@@ -402,8 +418,8 @@ class Gesture:
             raise StateError(f"{shorter!r} ends in motion; what is added to it must end with it")
         marks = dict(self.marks)
         for name, t in other.marks.items():
-            marks[numbered(name, marks)] = t
-        breaks, coef = piecewise.added((self.breaks, self.coef), (other.breaks, other.coef))
+            marks[numbered_mark(name, marks)] = t
+        breaks, coef = piecewise.add((self.breaks, self.coef), (other.breaks, other.coef))
         return Gesture(
             self.coordinates,
             breaks,
@@ -417,7 +433,11 @@ class Gesture:
     # -- inputs ------------------------------------------------------------------------------
 
     def inputs(
-        self, x0: State, *, speed: Limit = SPEED, acceleration: Limit = ACCELERATION
+        self,
+        x0: State,
+        *,
+        speed: MotionBound = MAX_SPEED,
+        acceleration: MotionBound = MAX_ACCELERATION,
     ) -> Input:
         """Input that begins at a state and is at rest at both ends.
 
@@ -428,23 +448,27 @@ class Gesture:
             x0: state at rest from which offsets count; the input begins at its time.
             speed, acceleration: see :meth:`then`.
         """
-        still = Gesture.rest(self.coordinates, _REST_TIME, everything=False)
-        whole, (offsets, rates) = self, self.ends
-        if np.any(np.abs(offsets[0]) > SAME) or np.any(np.abs(rates[0]) > _MAX_REST_SPEED):
-            whole = still.then(whole, speed=speed, acceleration=acceleration)
+        rest = Gesture.rest(self.coordinates, _REST_TIME, everything=False)
+        gesture, (offsets, rates) = self, self.ends
+        if np.any(np.abs(offsets[0]) > OFFSET_TOLERANCE) or np.any(
+            np.abs(rates[0]) > _MAX_REST_SPEED
+        ):
+            gesture = rest.then(gesture, speed=speed, acceleration=acceleration)
         if np.any(np.abs(rates[1]) > _MAX_REST_SPEED):
-            whole = whole.then(still, speed=speed, acceleration=acceleration)
-        table, coef = self.coordinates, np.array(whole.coef)
+            gesture = gesture.then(rest, speed=speed, acceleration=acceleration)
+        table, coef = self.coordinates, np.array(gesture.coef)
         base = np.tile(x0.q_K, (len(coef), 1))
         for q, v in table.scalars_K:
             coef[:, v, 0] += x0.q_K[q]
             base[:, q] = coef[:, v, 0]
-        return Input(table, x0.t + whole.breaks, coef, base, whole.named, name=self.name).checked()
+        return Input(
+            table, x0.t + gesture.breaks, coef, base, gesture.named, name=self.name
+        ).checked()
 
 
-def numbered(name: str, taken: Mapping[str, float]) -> str:
+def numbered_mark(name: str, taken: Mapping[str, float]) -> str:
     """The name, with the first free number if it is taken."""
-    numbered_name, k = name, 2
-    while numbered_name in taken:
-        numbered_name, k = f"{name} {k}", k + 1
-    return numbered_name
+    candidate, k = name, 2
+    while candidate in taken:
+        candidate, k = f"{name} {k}", k + 1
+    return candidate

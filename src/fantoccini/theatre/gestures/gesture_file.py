@@ -41,7 +41,7 @@ from fantoccini.model.tree import CoordinateTable
 from fantoccini.motion import SAME_TIME, Input, Points, State, Table, reading
 from fantoccini.theatre.gestures import moves
 from fantoccini.theatre.gestures.aiming import AimTarget
-from fantoccini.theatre.gestures.body_parts import BodyParts, SizeKind, moves_of
+from fantoccini.theatre.gestures.body_parts import BodyParts, SizeKind, string_moves
 from fantoccini.theatre.gestures.gesture import Gesture
 from fantoccini.theatre.gestures.moves import not_driven
 from fantoccini.theatre.gestures.own_axes import OwnAxes
@@ -57,12 +57,12 @@ from fantoccini.theatre.gestures.turns import TurnError
 _FOLDER = Path(__file__).parent / "marionette"
 _MAX_REST_PEAK = 1e-9
 """Largest speed and acceleration that count as rest [m/s, m/s^2; rad/s, rad/s^2]."""
-_VALUE = quantity_schema(LENGTHS, ANGLES)
-_POINTS = {
+_OFFSET_SCHEMA = quantity_schema(LENGTHS, ANGLES)
+_POINTS_SCHEMA = {
     "type": "array",
     "items": {
         "type": "array",
-        "prefixItems": [{"type": "number"}, _VALUE],
+        "prefixItems": [{"type": "number"}, _OFFSET_SCHEMA],
         "minItems": 2,
         "maxItems": 2,
     },
@@ -110,10 +110,12 @@ class GestureFile(Document):
     """Name of the gesture."""
     about: str = ""
     """Description for the audience."""
-    parts: dict[str, Annotated[Any, WithJsonSchema(_POINTS)]] = Field(default_factory=dict)
+    parts: dict[str, Annotated[Any, WithJsonSchema(_POINTS_SCHEMA)]] = Field(default_factory=dict)
     """Part of the body and direction (`arm_right.up`, `head.left`, `legs.out`) -> list of
     [time s, offset], for all strings that move the part."""
-    on_control: dict[str, Annotated[Any, WithJsonSchema(_POINTS)]] = Field(default_factory=dict)
+    on_control: dict[str, Annotated[Any, WithJsonSchema(_POINTS_SCHEMA)]] = Field(
+        default_factory=dict
+    )
     """Moves instead of `parts` for a puppet on a control with strings of fixed lengths: bar and
     direction (`control.tip_forward`, `leg_bar.roll_left`) -> list of [time s, offset]."""
     sizes: dict[SizeKind, Annotated[Length, Field(gt=0.0)]] = Field(default_factory=dict)
@@ -121,7 +123,7 @@ class GestureFile(Document):
     multiplied by the ratio. `whole` is for trunk and head."""
     scaled_by: dict[str, SizeKind] = Field(default_factory=dict)
     """Part -> kind of part whose size scales its offsets, in place of its own (`{trunk: leg}`)."""
-    moves: dict[str, Annotated[Any, WithJsonSchema(_POINTS)]] = Field(default_factory=dict)
+    moves: dict[str, Annotated[Any, WithJsonSchema(_POINTS_SCHEMA)]] = Field(default_factory=dict)
     """Moved name -> list of [time s, offset]: a driven coordinate, or a string or driven body and
     a direction (`hand_right.up`, `bar.tip_forward`); offsets in m or rad, or with a unit (`12 cm`,
     `30 deg`)."""
@@ -143,10 +145,12 @@ class GestureFile(Document):
             )
         if self.on_control and not self.parts:
             refuse([(("on_control",), "found without parts; needed: both, for all puppets")])
-        parts, at = {name.rpartition(".")[0] for name in self.parts}, ("scaled_by",)
-        refuse(unknown_names(self.scaled_by, parts, "{} is not among the parts", at))
+        part_names, key = {name.rpartition(".")[0] for name in self.parts}, ("scaled_by",)
+        refuse(unknown_names(self.scaled_by, part_names, "{} is not among the parts", key))
         unsized = [part for part, kind in self.scaled_by.items() if kind not in self.sizes]
-        refuse(((*at, part), "needed: a kind of part whose size is in `sizes`") for part in unsized)
+        refuse(
+            ((*key, part), "needed: a kind of part whose size is in `sizes`") for part in unsized
+        )
         return self
 
 
@@ -160,7 +164,7 @@ def gesture_names() -> tuple[str, ...]:
     return tuple(sorted({*GestureFile.kind.bundled, *COMPUTED_GESTURES}))
 
 
-def bundled(name: str) -> Path:
+def bundled_gesture_path(name: str) -> Path:
     """Path of a bundled gesture."""
     return _FOLDER / f"{name}.yaml"
 
@@ -210,11 +214,13 @@ def load_gesture(
         if of:
             text = "a take has the names of the scene; leave `of` out"
             raise FileError([Mistake(name, None, "", text)])
-        return gesture_of_take(Input.load(puppet, name), Path(name).stem, name)
-    return _read(puppet, path, start, prefix)
+        return gesture_from_take(Input.load(puppet, name), Path(name).stem, name)
+    return _gesture_of_file(puppet, path, start, prefix)
 
 
-def _read(puppet: Table, path: str | os.PathLike[str], start: State | None, prefix: str) -> Gesture:
+def _gesture_of_file(
+    puppet: Table, path: str | os.PathLike[str], start: State | None, prefix: str
+) -> Gesture:
     """Gesture of a file."""
     file = read_document(path, GestureFile)
     if file.parts:
@@ -236,10 +242,10 @@ def _gesture_of_strings(
     """Gesture of a file that moves strings of a certain puppet, without marks."""
     table, mistakes = reading.table_of(puppet), Mistakes(file.located, file.kind.error)
     prefixed = {prefix + name: points for name, points in file.moves.items()}
-    offsets: dict[str, Points] = moves.read(table, prefixed, mistakes, ("moves",))
+    offsets: dict[str, Points] = moves.read_offsets(table, prefixed, mistakes, ("moves",))
     mistakes.found = [
-        (tuple(x.removeprefix(prefix) if isinstance(x, str) else x for x in spot), text)
-        for spot, text in mistakes.found
+        (tuple(key.removeprefix(prefix) if isinstance(key, str) else key for key in keys), text)
+        for keys, text in mistakes.found
     ]
     if file.poses is not None and not mistakes:
         pose_offsets = _pose_offsets(puppet, file, file.poses, start, offsets, prefix)
@@ -248,37 +254,40 @@ def _gesture_of_strings(
                 mistakes.add(("moves",), f"move {channel}, as the string of the poses does")
             offsets[channel] = points
     mistakes.refuse()
-    return _gesture_through(file, table, offsets, _spots_of_moves(file, prefix))
+    return _gesture_through(file, table, offsets, _keys_of_moves(file, prefix))
 
 
-def _spots_of_moves(file: GestureFile, prefix: str) -> dict[str, Keys]:
+def _keys_of_moves(file: GestureFile, prefix: str) -> dict[str, Keys]:
     """Moved name -> its keys in a file that moves strings of a certain puppet."""
     return {prefix + name: ("moves", name) for name in file.moves}
 
 
 def _gesture_through(
-    file: GestureFile, table: CoordinateTable, offsets: dict[str, Points], spots: Mapping[str, Keys]
+    file: GestureFile,
+    table: CoordinateTable,
+    offsets: dict[str, Points],
+    keys_by_name: Mapping[str, Keys],
 ) -> Gesture:
     """Gesture of a file through offsets.
 
     Args:
         file, table: the file, and names of the coordinates.
         offsets: coordinate -> times and offsets.
-        spots: moved name -> its keys in the file.
+        keys_by_name: moved name -> its keys in the file.
 
     Raises:
         FileError: it turns a body too far, or travels and ends with a body turned.
     """
     try:
-        return Gesture.of_offsets(table, offsets, travels=file.travels, name=file.gesture)
+        return Gesture.from_offsets(table, offsets, travels=file.travels, name=file.gesture)
     except TurnError as error:
-        own = moves.parts(error.channel, table)
-        turning = {
-            spot: str(error)
-            for name, spot in spots.items()
-            if {*own} & {*moves.parts(moves.driven_coordinate(name, table)[0], table)}
+        scalars = moves.scalar_names(error.channel, table)
+        mistakes = {
+            keys: str(error)
+            for name, keys in keys_by_name.items()
+            if {*scalars} & {*moves.scalar_names(moves.driven_coordinate(name, table)[0], table)}
         }
-        raise file.located.error([*turning.items()], FileError) from None
+        raise file.located.error([*mistakes.items()], FileError) from None
     except StateError as error:
         raise file.located.error([(("travels",), str(error))], FileError) from None
 
@@ -296,48 +305,48 @@ def _gesture_of_parts(puppet: Table, file: GestureFile, prefix: str) -> Gesture:
         reason = f"needed: `of`, a member of the scene: {', '.join(puppet.puppet.members)}"
         raise _not_for_this_puppet(file, reason)
     try:
-        body_parts = BodyParts.of(puppet, prefix.removesuffix("."))
+        body_parts = BodyParts.for_puppet(puppet, prefix.removesuffix("."))
         key = "on_control" if file.on_control and body_parts.on_control else "parts"
         points: dict[str, Any] = getattr(file, key)
-        still = {part for part in points if _is_still(points[part])}
-        parts = moves_of(body_parts, points, file.scaled_by, still)
+        zero_parts = {part for part in points if _is_zero(points[part])}
+        parts = string_moves(body_parts, points, file.scaled_by, zero_parts)
     except StateError as error:
         raise _not_for_this_puppet(file, str(error)) from None
-    axes = OwnAxes.of(puppet, [body_parts])
-    table, string_mistakes = axes.own, Mistakes.of_inputs()
-    known = moves.scalar_indices(table)
+    axes = OwnAxes.for_members(puppet, [body_parts])
+    table, string_mistakes = axes.own_table, Mistakes.of_inputs()
+    indices = moves.scalar_indices(table)
     # Parts that stay need no driven coordinate.
-    going = {
+    drivable_parts = {
         name: (part, move)
         for name, (part, move) in parts.items()
-        if part not in still or moves.driven_coordinate(name, table)[0] in known
+        if part not in zero_parts or moves.driven_coordinate(name, table)[0] in indices
     }
-    parts = going or parts
+    parts = drivable_parts or parts
     waypoints = {name: points[part] for name, (part, _) in parts.items()}
-    offsets = moves.read(table, waypoints, string_mistakes, (key,))
+    offsets = moves.read_offsets(table, waypoints, string_mistakes, (key,))
     units = moves.names_and_units(table)
     for name, (part, move) in parts.items():
         channel = moves.driven_coordinate(name, table)[0]
-        if channel not in known:
+        if channel not in indices:
             reason = not_driven(channel, on_control=bool(file.on_control))
             reason = f"its move {part} would move {reason}"
             raise _not_for_this_puppet(file, reason)
-        is_length = units[known[channel]][1] == "m"
-        if channel in offsets and move.kind in file.sizes and is_length:
+        is_length = units[indices[channel]][1] == "m"
+        if channel in offsets and move.size_kind in file.sizes and is_length:
             t, values = offsets[channel]
-            offsets[channel] = t, move.size / file.sizes[move.kind] * values
+            offsets[channel] = t, move.size / file.sizes[move.size_kind] * values
     for (_, string, *rest), text in string_mistakes.found:
         mistakes.add((key, parts[str(string)][0], *rest), text)
     mistakes.refuse()
-    spots: dict[str, Keys] = {name: (key, part) for name, (part, _) in parts.items()}
-    gesture = _gesture_through(file, table, offsets, spots)
+    keys_by_name: dict[str, Keys] = {name: (key, part) for name, (part, _) in parts.items()}
+    gesture = _gesture_through(file, table, offsets, keys_by_name)
     try:
-        return gesture.placed(axes)
+        return gesture.in_driven_axes(axes)
     except StateError as error:
         raise _not_for_this_puppet(file, str(error)) from None
 
 
-def _is_still(points: Any) -> bool:
+def _is_zero(points: Any) -> bool:
     """Whether all offsets of a list are 0."""
     return isinstance(points, list) and all(
         isinstance(point, list) and len(point) == 2 and point[1] == 0 for point in points
@@ -349,7 +358,7 @@ def _not_for_this_puppet(file: GestureFile, reason: str) -> FileError:
     return file.kind.error([Mistake(f"gesture {file.gesture}", None, "", reason)])
 
 
-def gesture_of_take(inputs: Input, name: str, file: str = "") -> Gesture:
+def gesture_from_take(inputs: Input, name: str, file: str = "") -> Gesture:
     """Gesture with the motion of a take.
 
     Args:
@@ -361,15 +370,15 @@ def gesture_of_take(inputs: Input, name: str, file: str = "") -> Gesture:
         FileError: nothing moves, or a driven body turns by nearly 180 degrees or more.
     """
     try:
-        gesture = Gesture.of_input(inputs, name=name)
+        gesture = Gesture.from_input(inputs, name=name)
     except StateError as error:
         raise FileError([Mistake(file or name, None, "", str(error))]) from None
-    moved = gesture.named & np.any(np.abs(gesture.peaks) > _MAX_REST_PEAK, axis=0)
+    is_moved = gesture.named & np.any(np.abs(gesture.peaks) > _MAX_REST_PEAK, axis=0)
     for _, v in gesture.coordinates.rotations.values():
-        moved[v : v + 3] = moved[v : v + 3].any()
-    if not moved.any():
+        is_moved[v : v + 3] = is_moved[v : v + 3].any()
+    if not is_moved.any():
         raise FileError([Mistake(file or name, None, "", "nothing moves in this take")])
-    return dataclasses.replace(gesture, named=moved, coef=gesture.coef * moved[:, None])
+    return dataclasses.replace(gesture, named=is_moved, coef=gesture.coef * is_moved[:, None])
 
 
 def is_gesture(path: str | os.PathLike[str]) -> bool:
@@ -382,7 +391,7 @@ def _pose_offsets(
     file: GestureFile,
     poses: KeyPoses,
     start: State | None,
-    moved: dict[str, Points],
+    move_offsets: dict[str, Points],
     prefix: str,
 ) -> dict[str, Points]:
     """Offsets of strings that reach the key poses, added to the moves at these times."""
@@ -397,18 +406,18 @@ def _pose_offsets(
             mistakes.add(("poses", "strings", i), text + nearest(string, set(owners.values())))
     mistakes.refuse()
     strings = {prefix + string for string in poses.strings}
-    held = tuple(name for name in table.v_K if name.rsplit(".", 1)[0] not in strings)
-    homes: dict[TargetKey, Array] = {}
+    held_names = tuple(name for name in table.v_K if name.rsplit(".", 1)[0] not in strings)
+    rest_positions: dict[TargetKey, Array] = {}
     offsets: dict[TargetKey, Array] = {}
-    for body, places in poses.points.items():
-        at = poses.of.get(body, (0.0, 0.0, 0.0))
+    for body, targets in poses.points.items():
+        point = poses.of.get(body, (0.0, 0.0, 0.0))
         try:
             pose = puppet.pose(x0, prefix + body)
         except UnknownNameError as error:
             mistakes.add(("poses", "points", body), str(error))
             continue
-        homes[prefix + body, at] = pose[:3, 3] + pose[:3, :3] @ np.array(at)
-        offsets[prefix + body, at] = np.array(places)
+        rest_positions[prefix + body, point] = pose[:3, 3] + pose[:3, :3] @ np.array(point)
+        offsets[prefix + body, point] = np.array(targets)
     mistakes.refuse()
     pose_offsets = {
         name: (np.array(poses.at), np.empty(len(poses.at)))
@@ -416,37 +425,40 @@ def _pose_offsets(
         if name.rpartition(".")[0] in strings or name in strings
     }
     q_K_of_moves = None
-    if moved:
+    if move_offsets:
         t = x0.t + np.array(poses.at)
-        own = _gesture_through(file, table, moved, _spots_of_moves(file, prefix))
-        q_K_of_moves = own.inputs(x0).evaluate(t)[0]
+        move_gesture = _gesture_through(file, table, move_offsets, _keys_of_moves(file, prefix))
+        q_K_of_moves = move_gesture.inputs(x0).evaluate(t)[0]
     for i in range(len(poses.at)):
         start_of_search = x0
         if q_K_of_moves is not None:
             start_of_search = puppet.rest(puppet.state().replace(q_K=q_K_of_moves[i]))
 
         def pose_at(share: float, i: int = i, start: State = start_of_search) -> ReachedPose:
-            places = {key: home + share * offsets[key][i] for key, home in homes.items()}
-            return reach(puppet, places, start, bounds=Bounds(held=held))[0]
+            targets = {
+                key: rest_position + share * offsets[key][i]
+                for key, rest_position in rest_positions.items()
+            }
+            return reach(puppet, targets, start, bounds=Bounds(held=held_names))[0]
 
         try:
             reached = pose_at(1.0)
             if not reached:
-                text = _unreached(reached, pose_at)
+                text = _unreached_text(reached, pose_at)
                 mistakes.add(("poses", "at", i), f"at {poses.at[i]:g} s: {text}")
         except StateError as error:
             raise file.located.error([(("poses", "at", i), str(error))], FileError) from None
-        change = puppet.difference(x0.q_K, reached.state.q_K, driven=True)
+        difference = puppet.difference(x0.q_K, reached.state.q_K, driven=True)
         for name, v in moves.scalar_indices(table).items():
             if name in pose_offsets:
-                pose_offsets[name][1][i] = change[v]
+                pose_offsets[name][1][i] = difference[v]
     mistakes.refuse()
     return pose_offsets
 
 
-def _unreached(reached: ReachedPose, pose_at: Callable[[float], ReachedPose]) -> str:
+def _unreached_text(reached: ReachedPose, pose_at: Callable[[float], ReachedPose]) -> str:
     """Reason why a key pose cannot be reached, and the part of it that can."""
-    name, distance = max(reached.distances.items(), key=lambda item: item[1])
-    text = f"{name} comes no nearer to its place than {100.0 * distance:.1f} cm"
+    point, distance = max(reached.distances.items(), key=lambda item: item[1])
+    text = f"{point} comes no nearer to its place than {100.0 * distance:.1f} cm"
     percent = reachable_part(lambda k: bool(pose_at(k / 100.0)), 100)
     return text if percent is None else f"{text}; {percent} % of the way there can be reached"

@@ -22,7 +22,7 @@ _MIDDLE_PHASE = 0.25
 """Phase of the first leg without a side, halfway between the first left and right legs [cycles]."""
 
 
-def phases(body_map: BodyMap, pattern: Pattern = "walk") -> dict[str, float]:
+def gait_phases(body_map: BodyMap, pattern: Pattern = "walk") -> dict[str, float]:
     """Leg -> phase in the cycle, in [0, 1).
 
     Args:
@@ -38,26 +38,26 @@ def phases(body_map: BodyMap, pattern: Pattern = "walk") -> dict[str, float]:
     """
     if pattern not in PATTERNS:
         raise ValueError(f"pattern is {pattern!r}; needed: {', '.join(PATTERNS)}")
-    first: dict[str, float] = {"left": 0.0, "right": 0.5, "middle": _MIDDLE_PHASE}
-    ranks: dict[str, list[str]] = {side: [] for side in first}
+    side_phase: dict[str, float] = {"left": 0.0, "right": 0.5, "middle": _MIDDLE_PHASE}
+    legs_by_side: dict[str, list[str]] = {side: [] for side in side_phase}
     for name, limb in legs(body_map).items():
-        ranks[limb.side].append(name)
-    n = len(ranks["left"])
-    if not n or len(ranks["right"]) != n:
-        have = ", ".join(body_map.parts) or "no limbs"
-        raise StateError(f"it walks on pairs of legs, left and right; the puppet has {have}")
-    own = {}
-    for side, names in ranks.items():
+        legs_by_side[limb.side].append(name)
+    n = len(legs_by_side["left"])
+    if not n or len(legs_by_side["right"]) != n:
+        part_names = ", ".join(body_map.parts) or "no limbs"
+        raise StateError(f"it walks on pairs of legs, left and right; the puppet has {part_names}")
+    phases = {}
+    for side, names in legs_by_side.items():
         for rank, name in enumerate(names):
-            phase = first[side]
+            phase = side_phase[side]
             if pattern == "hop":
                 phase = 0.0
             elif pattern == "walk" and n == 2 and side != "middle":
                 phase += _LATERAL_LEAD * (n - 1 - rank)
             elif pattern != "pace":
                 phase += 0.5 * (rank % 2)
-            own[name] = phase % 1.0
-    return own
+            phases[name] = phase % 1.0
+    return phases
 
 
 def legs(body_map: BodyMap) -> Mapping[str, Limb]:
@@ -71,7 +71,7 @@ def leg_length(body_map: BodyMap) -> float:
     return sum(lengths) / len(lengths) if lengths else 0.0
 
 
-def feet(body_parts: BodyParts) -> dict[str, int]:
+def foot_links(body_parts: BodyParts) -> dict[str, int]:
     """Leg -> index of the link that touches the floor: the leg's last body with shapes.
 
     Raises:
@@ -79,12 +79,12 @@ def feet(body_parts: BodyParts) -> dict[str, int]:
     """
     marionette, links = body_parts.marionette, {}
     for name, limb in legs(body_parts.body_map).items():
-        own = [marionette.link_index(body) for body in limb.bodies]
-        solid = [link for link in own if marionette.tree.links[link].shapes]
-        if not solid:
+        leg_links = [marionette.link_index(body) for body in limb.bodies]
+        links_with_shapes = [link for link in leg_links if marionette.tree.links[link].shapes]
+        if not links_with_shapes:
             bodies = ", ".join(limb.bodies)
             raise StateError(f"it stands on {name}; needed: shapes on one of its bodies, {bodies}")
-        links[name] = solid[-1]
+        links[name] = links_with_shapes[-1]
     return links
 
 

@@ -39,27 +39,27 @@ MAX_TURN = np.pi - 0.05
 """Largest rotation of a driven body from rest [rad]; rotation vectors are not unique from pi on."""
 
 _SUFFIXES = ("length", "x", "y", "z", "rotation")
-_SIDE = re.compile(r"(?<![a-z])(left|right)(?![a-z])")
-_TWIN = {"left": "right", "right": "left"}
-_STRAIGHT = 1e-6
+_SIDE_WORD = re.compile(r"(?<![a-z])(left|right)(?![a-z])")
+_OTHER_SIDE = {"left": "right", "right": "left"}
+_AXIS_TOLERANCE = 1e-6
 """Tolerance of the numbers of an axis that lies along x, y or z."""
 
 
-def owner_of(name: str) -> tuple[str, str, str]:
+def split_name(name: str) -> tuple[str, str, str]:
     """Prefix of a coordinate's owner, the owner, and the rest after it.
 
     ``pierrot.``, ``hand_left`` and ``.length``: the sides of a scene's puppets do not count.
     """
     parts = name.split(".")
-    k = len(parts) - 2 if len(parts) > 1 and parts[-1] in _SUFFIXES else len(parts) - 1
-    before, after = "".join(f"{part}." for part in parts[:k]), parts[k + 1 :]
-    return before, parts[k], "".join(f".{part}" for part in after)
+    owner_index = len(parts) - 2 if len(parts) > 1 and parts[-1] in _SUFFIXES else len(parts) - 1
+    prefix, rest = "".join(f"{part}." for part in parts[:owner_index]), parts[owner_index + 1 :]
+    return prefix, parts[owner_index], "".join(f".{part}" for part in rest)
 
 
-def twin(name: str) -> str:
+def mirrored_name(name: str) -> str:
     """Name with left and right exchanged in its owner."""
-    before, owner, after = owner_of(name)
-    return before + _SIDE.sub(lambda side: _TWIN[side[1]], owner) + after
+    prefix, owner, suffix = split_name(name)
+    return prefix + _SIDE_WORD.sub(lambda side: _OTHER_SIDE[side[1]], owner) + suffix
 
 
 def scalar_indices(table: CoordinateTable) -> dict[str, int]:
@@ -72,13 +72,13 @@ def scalar_indices(table: CoordinateTable) -> dict[str, int]:
 def names_and_units(table: CoordinateTable) -> list[tuple[str, str]]:
     """Name of the input that drives each velocity of v_K, and its unit: ``m`` or ``rad``."""
     units = {row.name: row.unit for row in table.rows}
-    known = [("", "")] * table.n_vK
+    names = [("", "")] * table.n_vK
     for name, (_, v) in pieces.channel_names(table).items():
-        known[v] = [(name, units.get(name, "rad"))] * (v.stop - v.start)
-    return known
+        names[v] = [(name, units.get(name, "rad"))] * (v.stop - v.start)
+    return names
 
 
-def reflection(name: str, table: CoordinateTable) -> Array | None:
+def mirror_signs(name: str, table: CoordinateTable) -> Array | None:
     """Signs of a coordinate's components under reflection in the x-z plane; None if unknown.
 
     Equal angles of joints on both sides are mirror images, as in puppet files. In the middle the
@@ -86,14 +86,14 @@ def reflection(name: str, table: CoordinateTable) -> Array | None:
     """
     if name.endswith(".rotation"):
         return np.array([-1.0, 1.0, -1.0])
-    if owner_of(name)[2] and name not in table.axes:
+    if split_name(name)[2] and name not in table.axes:
         return np.array([-1.0 if name.endswith(".y") else 1.0])
-    if twin(name) != name:
+    if mirrored_name(name) != name:
         return np.array([1.0])
     axis = table.axes.get(name)
-    if axis is None or _STRAIGHT < abs(axis[1]) < 1.0 - _STRAIGHT:
+    if axis is None or _AXIS_TOLERANCE < abs(axis[1]) < 1.0 - _AXIS_TOLERANCE:
         return None
-    turns, along_y = _units(table)[name] == "rad", abs(axis[1]) > _STRAIGHT
+    turns, along_y = _units(table)[name] == "rad", abs(axis[1]) > _AXIS_TOLERANCE
     return np.array([1.0 if turns == along_y else -1.0])
 
 
@@ -104,17 +104,17 @@ def mirror_images(table: CoordinateTable, named: MaskRows) -> list[tuple[slice, 
         UnknownNameError: a coordinate has no twin.
         StateError: a joint in the middle has an axis that is neither along y nor across it.
     """
-    known = pieces.channel_names(table)
+    channels = pieces.channel_names(table)
     pairs = []
-    for name, (_, v) in known.items():
+    for name, (_, v) in channels.items():
         if not named[v.start]:
             continue
-        if twin(name) not in known:
-            raise UnknownNameError("driven coordinate", twin(name), list(known))
-        sign = reflection(name, table)
+        if mirrored_name(name) not in channels:
+            raise UnknownNameError("driven coordinate", mirrored_name(name), list(channels))
+        sign = mirror_signs(name, table)
         if sign is None:
             raise StateError(f"the mirror image of the joint {name} is not known")
-        pairs.append((v, known[twin(name)][1], sign))
+        pairs.append((v, channels[mirrored_name(name)][1], sign))
     return pairs
 
 
@@ -130,86 +130,88 @@ def xy_indices(table: CoordinateTable, named: MaskRows) -> list[tuple[int, int]]
     Raises:
         StateError: it is driven along only one of them.
     """
-    known, ends = pieces.channel_names(table), dict[str, tuple[int, int]]()
-    for name, (_, v) in known.items():
+    channels, indices = pieces.channel_names(table), dict[str, tuple[int, int]]()
+    for name, (_, v) in channels.items():
         owner, _, part = name.rpartition(".")
         if owner in table.carried or name in table.axes:  # a joint may have the name x
             continue
         if named[v.start] and owner and part in ("x", "y"):
-            other = f"{owner}.{'y' if part == 'x' else 'x'}"
-            if other not in known:
-                raise StateError(f"it moves {name}, and {other} is not driven")
-            ends[owner] = known[f"{owner}.x"][1].start, known[f"{owner}.y"][1].start
-    return list(ends.values())
+            other_name = f"{owner}.{'y' if part == 'x' else 'x'}"
+            if other_name not in channels:
+                raise StateError(f"it moves {name}, and {other_name} is not driven")
+            indices[owner] = channels[f"{owner}.x"][1].start, channels[f"{owner}.y"][1].start
+    return list(indices.values())
 
 
-def read(
-    table: CoordinateTable, given: Mapping[str, Any], mistakes: Mistakes, at: Path = ()
+def read_offsets(
+    table: CoordinateTable, points: Mapping[str, Any], mistakes: Mistakes, keys: Path = ()
 ) -> dict[str, Points]:
     """Driven scalar coordinate or part of a rotation vector -> times and offsets.
 
-    Names are those of :meth:`Gesture.of`.
+    Names are those of :meth:`Gesture.from_points`.
     """
-    read: dict[str, Points] = {}
+    offsets: dict[str, Points] = {}
     movers: dict[str, str] = {}
-    for name, points in given.items():
-        path = (*at, str(name))
+    for name, series_points in points.items():
+        name_keys = (*keys, str(name))
         channel, sign = driven_coordinate(str(name), table)
-        scalars = parts(channel, table)
+        scalars = scalar_names(channel, table)
         if not scalars:
-            mistakes.add(path, _unknown(str(name), channel, table))
+            mistakes.add(name_keys, _unknown_name_text(str(name), channel, table))
             continue
-        if others := [movers[part] for part in scalars if part in movers]:
-            mistakes.add(path, f"moves {channel}, as {others[0]} does; leave one out")
+        if earlier_movers := [movers[part] for part in scalars if part in movers]:
+            mistakes.add(name_keys, f"moves {channel}, as {earlier_movers[0]} does; leave one out")
             continue
         movers |= dict.fromkeys(scalars, str(name))
-        series = reading.series(points, mistakes, path, _reader(channel, table))
-        if series is None:
+        waypoints = reading.series(
+            series_points, mistakes, name_keys, _offset_reader(channel, table)
+        )
+        if waypoints is None:
             continue
-        t, values = series
+        t, values = waypoints
         if t[0] < 0.0:
-            mistakes.add((*path, 0), f"comes at {t[0]:g} s; a gesture begins at 0 s")
+            mistakes.add((*name_keys, 0), f"comes at {t[0]:g} s; a gesture begins at 0 s")
             continue
         columns = values.reshape(len(t), len(scalars)).T
-        read |= {part: (t, sign * column) for part, column in zip(scalars, columns, strict=True)}
-    return read
+        offsets |= {part: (t, sign * column) for part, column in zip(scalars, columns, strict=True)}
+    return offsets
 
 
 def driven_coordinate(name: str, table: CoordinateTable) -> tuple[str, float]:
     """Coordinate, or part of a rotation vector, that a name moves, and the sign of the motion."""
-    known, (owner, dot, direction) = scalar_indices(table), name.rpartition(".")
-    if name in table.rotations or name in known or not dot or direction not in DIRECTIONS:
+    indices, (owner, dot, direction) = scalar_indices(table), name.rpartition(".")
+    if name in table.rotations or name in indices or not dot or direction not in DIRECTIONS:
         return table.commands.get(name, name), 1.0
-    hinge = table.commands.get(owner, owner)
+    joint = table.commands.get(owner, owner)
     for part, sign in DIRECTIONS[direction]:
-        if hinge in table.axes and part[-1] in "xyz":
-            axis = table.axes[hinge]["xyz".index(part[-1])]
-            turns = _units(table).get(hinge) == "rad"
-            if abs(axis) > 1.0 - _STRAIGHT and sign and turns == part.startswith("w"):
-                return hinge, sign * np.sign(axis)
-        channel = _commanded(owner, part, table)
-        if channel in known:
+        if joint in table.axes and part[-1] in "xyz":
+            axis = table.axes[joint]["xyz".index(part[-1])]
+            is_angle = _units(table).get(joint) == "rad"
+            if abs(axis) > 1.0 - _AXIS_TOLERANCE and sign and is_angle == part.startswith("w"):
+                return joint, sign * np.sign(axis)
+        channel = _command_or_coordinate(owner, part, table)
+        if channel in indices:
             break
     else:
         part, sign = DIRECTIONS[direction][0]
         channel = f"{owner}.{part}"
     if not sign:
-        side = _SIDE.findall(owner.rpartition(".")[2])
+        side = _SIDE_WORD.findall(owner.rpartition(".")[2])
         if not side:
             return name, 1.0
         sign = (1.0 if side[-1] == "left" else -1.0) * (1.0 if direction == "out" else -1.0)
     return channel, sign
 
 
-def _commanded(owner: str, part: str, table: CoordinateTable) -> str:
+def _command_or_coordinate(owner: str, part: str, table: CoordinateTable) -> str:
     """Name of a coordinate, or of its command if a drive moves it."""
     if part.startswith("w"):
-        whole = f"{owner}.rotation"
-        return table.commands.get(whole, whole).removesuffix("rotation") + part
+        rotation_name = f"{owner}.rotation"
+        return table.commands.get(rotation_name, rotation_name).removesuffix("rotation") + part
     return table.commands.get(f"{owner}.{part}", f"{owner}.{part}")
 
 
-def parts(channel: str, table: CoordinateTable) -> list[str]:
+def scalar_names(channel: str, table: CoordinateTable) -> list[str]:
     """Scalars that a channel consists of; none if it is not driven."""
     if channel in table.rotations:
         v = table.rotations[channel][1]
@@ -222,37 +224,37 @@ def _units(table: CoordinateTable) -> dict[str, str]:
     return {row.name: row.unit for row in table.rows}
 
 
-def _reader(channel: str, table: CoordinateTable) -> Callable[[Any], float | Array]:
+def _offset_reader(channel: str, table: CoordinateTable) -> Callable[[Any], float | Array]:
     """Reads the offset of a waypoint."""
     if channel in table.rotations:
-        return _turn_vector
+        return _read_rotation_vector
     unit = _units(table).get(channel, "")
     if unit == "rad":
         return partial(reading.number, angle=True)
-    return _length if unit == "m" else _turn
+    return _read_length if unit == "m" else _read_angle
 
 
-def _length(value: Any) -> float:
+def _read_length(value: Any) -> float:
     value = without_unit(value, LENGTHS)
     if isinstance(value, str):
         raise ValueError(f"found {value!r}; needed: a length, as 0.12, 12 cm or 120 mm")
     return reading.number(value)
 
 
-def _turn(value: Any) -> float:
-    return float(_small_turn(np.array([reading.number(value, angle=True)]))[0])
+def _read_angle(value: Any) -> float:
+    return float(_checked_turn(np.array([reading.number(value, angle=True)]))[0])
 
 
-def _turn_vector(value: Any) -> Array:
+def _read_rotation_vector(value: Any) -> Array:
     if not isinstance(value, list | tuple | np.ndarray) or len(value) != 3:
         text = (
             "a rotation vector of 3 angles, as [0, 15 deg, 0], or a direction, as bar.tip_forward"
         )
         raise ValueError(f"found {shown(value)}; needed: {text}")
-    return _small_turn(np.array([reading.number(x, angle=True) for x in value]))
+    return _checked_turn(np.array([reading.number(x, angle=True) for x in value]))
 
 
-def _small_turn(vector: Array) -> Array:
+def _checked_turn(vector: Array) -> Array:
     """The vector, if it is a turn of less than half a circle."""
     angle = float(np.linalg.norm(vector))
     if angle > MAX_TURN:
@@ -263,19 +265,29 @@ def _small_turn(vector: Array) -> Array:
     return vector
 
 
-def _unknown(name: str, channel: str, table: CoordinateTable) -> str:
+def _unknown_name_text(name: str, channel: str, table: CoordinateTable) -> str:
     known = {**pieces.channel_names(table), **scalar_indices(table)}
     owner, _, direction = name.rpartition(".")
-    owners = {n if n in table.axes else n.rsplit(".", 1)[0] for n in known}
+    owners = {scalar if scalar in table.axes else scalar.rsplit(".", 1)[0] for scalar in known}
     if owner in owners and direction in DIRECTIONS:
         if direction in ("out", "in") and channel == name:
             return "needs left or right in its name"
-        own = [way for way in DIRECTIONS if driven_coordinate(f"{owner}.{way}", table)[0] in known]
-        return f"is no direction of {owner}, which can move {', '.join(own)}"
-    ways = [f"{own}.{way}" for own in owners for way in DIRECTIONS]
+        possible_directions = [
+            candidate
+            for candidate in DIRECTIONS
+            if driven_coordinate(f"{owner}.{candidate}", table)[0] in known
+        ]
+        return f"is no direction of {owner}, which can move {', '.join(possible_directions)}"
+    owner_directions = [
+        f"{possible_owner}.{candidate}" for possible_owner in owners for candidate in DIRECTIONS
+    ]
     names = [
         *pieces.channel_names(table),
-        *(w for w in ways if driven_coordinate(w, table)[0] in known),
+        *(
+            moved_name
+            for moved_name in owner_directions
+            if driven_coordinate(moved_name, table)[0] in known
+        ),
     ]
     needed = "a driven coordinate, or a string or a driven body and a direction"
     return f"is not {needed}{nearest(name, names)}"

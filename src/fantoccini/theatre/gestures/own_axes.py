@@ -33,24 +33,24 @@ _NOT_DRIVEN = -1
 
 
 @dataclass(frozen=True, eq=False)
-class _Triple:
+class _AxisTriple:
     """Three coordinates that are one vector: an offset, or a rotation vector.
 
     Attributes:
         name: name of the end or body.
-        places: (3,) indices in v_K; -1 for a component that is not driven.
+        indices: (3,) indices in v_K; -1 for a component that is not driven.
         axes: (3, 3) axes of the coordinates in the puppet's own axes, as columns.
     """
 
     name: str
-    places: Indices
+    indices: Indices
     axes: Array
 
     @property
     def _order(self) -> Indices:
         """(3,) index of the coordinate along each own axis; 0, 1, 2 if all are driven or askew."""
         is_askew = np.any(np.count_nonzero(self.axes, axis=0) != 1)
-        if is_askew or np.all(self.places != _NOT_DRIVEN):
+        if is_askew or np.all(self.indices != _NOT_DRIVEN):
             return np.arange(3)
         return np.argmax(np.abs(self.axes), axis=1)
 
@@ -64,24 +64,24 @@ class _Triple:
             if i != j
         }
 
-    def renamed(self) -> _Triple:
+    def renamed(self) -> _AxisTriple:
         """The triple with :attr:`own_names`, in the order of the own axes."""
         order = self._order
-        return replace(self, places=self.places[order], axes=self.axes[:, order])
+        return replace(self, indices=self.indices[order], axes=self.axes[:, order])
 
 
 def _renamed(table: CoordinateTable, names: Mapping[str, str]) -> CoordinateTable:
     """The table with other names of coordinates."""
 
-    def new(given: Iterable[str]) -> tuple[str, ...]:
-        return tuple(names.get(name, name) for name in given)
+    def renamed_all(old_names: Iterable[str]) -> tuple[str, ...]:
+        return tuple(names.get(name, name) for name in old_names)
 
-    commands = zip(new(table.commands), new(table.commands.values()), strict=True)
+    commands = zip(renamed_all(table.commands), renamed_all(table.commands.values()), strict=True)
     return replace(
         table,
         rows=tuple(replace(row, name=names.get(row.name, row.name)) for row in table.rows),
-        q_K=new(table.q_K),
-        v_K=new(table.v_K),
+        q_K=renamed_all(table.q_K),
+        v_K=renamed_all(table.v_K),
         commands=dict(commands),
     )
 
@@ -92,23 +92,23 @@ class OwnAxes:
 
     Attributes:
         coordinates: table of the puppet or scene.
-        own: the same table, with axes of joints in the puppet's own axes, and with own names for
-            ends and bodies whose x, y or z lies along another own axis, unless all are driven.
+        own_table: the same table, with axes of joints in the puppet's own axes, and with own names
+            for ends and bodies whose x, y or z lies along another own axis, unless all are driven.
         triples: coordinates whose axes are not the puppet's own.
     """
 
     coordinates: CoordinateTable
-    own: CoordinateTable
-    triples: tuple[_Triple, ...]
+    own_table: CoordinateTable
+    triples: tuple[_AxisTriple, ...]
 
     @classmethod
-    def of(cls, puppet: Marionette, body_parts: Iterable[BodyParts]) -> OwnAxes:
+    def for_members(cls, puppet: Marionette, body_parts: Iterable[BodyParts]) -> OwnAxes:
         """Axes of one or several members of a scene, or of a single puppet."""
         table = puppet.coordinates
-        triples: list[_Triple] = []
+        triples: list[_AxisTriple] = []
         axes, names = dict(table.axes), dict[str, str]()
-        for own in body_parts:
-            frames = _Frames.of(own)
+        for member_parts in body_parts:
+            frames = _MemberAxes.for_member(member_parts)
             for triple in frames.triples():
                 names |= triple.own_names
                 triples.append(triple.renamed())
@@ -116,59 +116,64 @@ class OwnAxes:
         return cls(table, replace(_renamed(table, names), axes=axes), tuple(triples))
 
     @classmethod
-    def moved_by(cls, uses: Iterable[str], puppet: Marionette) -> OwnAxes:
-        """Axes of the members in ``uses``; those without a body map keep the axes of the file."""
-        moving = {name.partition(".")[0] for name in uses}
-        moving_parts = []
+    def for_names(cls, moved_names: Iterable[str], puppet: Marionette) -> OwnAxes:
+        """Axes of the members that move; those without a body map keep the axes of the file."""
+        member_names = {name.partition(".")[0] for name in moved_names}
+        member_parts = []
         for member in puppet.puppet.members or ("",):
-            if member and member not in moving:
+            if member and member not in member_names:
                 continue
             try:
-                moving_parts.append(BodyParts.of(puppet, member))
+                member_parts.append(BodyParts.for_puppet(puppet, member))
             except StateError:
                 continue
-        return cls.of(puppet, moving_parts)
+        return cls.for_members(puppet, member_parts)
 
-    def placed(self, motion: Motion) -> Motion:
+    def to_driven(self, motion: Motion) -> Motion:
         """Motion of the driven coordinates, from one along the puppet's own axes.
 
         Raises:
             StateError: it moves an end or a body along an axis that is not driven.
         """
-        return self._changed(motion, inverse=False)
+        return self._transformed(motion, inverse=False)
 
-    def seen(self, motion: Motion) -> Motion:
-        """Motion along the puppet's own axes, from one of the coordinates; inverts :meth:`placed`.
+    def to_own(self, motion: Motion) -> Motion:
+        """Motion along the puppet's own axes, from one of the coordinates: inverse of `to_driven`.
 
         Raises:
             StateError: an own axis along which it moves is not driven.
         """
-        return self._changed(motion, inverse=True)
+        return self._transformed(motion, inverse=True)
 
-    def _changed(self, motion: Motion, *, inverse: bool) -> Motion:
+    def _transformed(self, motion: Motion, *, inverse: bool) -> Motion:
         coef, travel, named = np.array(motion.coef), np.array(motion.travel), motion.named.copy()
         for triple in self.triples:
             matrix = triple.axes if inverse else triple.axes.T
-            is_driven = np.asarray(triple.places != _NOT_DRIVEN)
+            is_driven = np.asarray(triple.indices != _NOT_DRIVEN)
             moved = np.zeros(3, dtype=bool)
-            moved[is_driven] = motion.named[triple.places[is_driven]]
-            reached = np.asarray(np.abs(matrix[:, moved]))
+            moved[is_driven] = motion.named[triple.indices[is_driven]]
+            reached_axes = np.asarray(np.abs(matrix[:, moved]))
             # Components whose offsets are all 0 need no other coordinate.
-            has_offset = moved & np.any(motion.coef[:, triple.places], axis=(0, 2))
+            has_offset = moved & np.any(motion.coef[:, triple.indices], axis=(0, 2))
             needed = np.asarray(np.abs(matrix[:, has_offset]) > _MIN_COMPONENT).any(axis=1)
             if lacking := np.flatnonzero(~is_driven & needed).tolist():
-                first, other = _AXES[int(np.argmax(has_offset))], _AXES[lacking[0]]
+                moved_axis, lacking_axis = _AXES[int(np.argmax(has_offset))], _AXES[lacking[0]]
                 name = triple.name
-                raise StateError(f"it moves {name}.{first}, and {name}.{other} is not driven")
-            at, own = triple.places[is_driven], matrix[np.ix_(is_driven, is_driven)]
-            coef[:, at] = own @ motion.coef[:, at]
-            travel[at] = own @ motion.travel[at]
-            named[at] = np.any(reached[is_driven] > _ROUNDING, axis=1)
+                raise StateError(
+                    f"it moves {name}.{moved_axis}, and {name}.{lacking_axis} is not driven"
+                )
+            driven_indices, driven_matrix = (
+                triple.indices[is_driven],
+                matrix[np.ix_(is_driven, is_driven)],
+            )
+            coef[:, driven_indices] = driven_matrix @ motion.coef[:, driven_indices]
+            travel[driven_indices] = driven_matrix @ motion.travel[driven_indices]
+            named[driven_indices] = np.any(reached_axes[is_driven] > _ROUNDING, axis=1)
         return Motion(motion.breaks, coef, named, travel)
 
 
 @dataclass(frozen=True, eq=False)
-class _Frames:
+class _MemberAxes:
     """Axes of the joints of one member.
 
     Attributes:
@@ -184,33 +189,35 @@ class _Frames:
     world: Array
 
     @classmethod
-    def of(cls, body_parts: BodyParts) -> _Frames:
+    def for_member(cls, body_parts: BodyParts) -> _MemberAxes:
         turn = rotation.matrix(rotation.exp(np.array([0.0, 0.0, body_parts.heading])))
         return cls(body_parts, turn, *body_parts.axes_in_file())
 
     def joint(self, name: str, *, first: bool) -> int:
         """Index of the first or last link that a joint, a string's end or a drive moves."""
-        joint = name.removesuffix(COMMAND)
-        links = [i for i, x in enumerate(self._tree.links) if x.joint == joint]
+        joint_name = name.removesuffix(COMMAND)
+        links = [i for i, link in enumerate(self._tree.links) if link.joint == joint_name]
         return links[0] if first else links[-1]
 
-    def triples(self) -> list[_Triple]:
+    def triples(self) -> list[_AxisTriple]:
         """Offsets and rotation vectors along other axes than the puppet's own."""
         table = self.body_parts.marionette.coordinates
-        places: dict[str, Indices] = {}
+        indices: dict[str, Indices] = {}
         for name, (_, v) in pieces.channel_names(table).items():
             owner, _, part = name.rpartition(".")
             if name in table.axes:  # a joint may have the name x
                 continue
             if name.startswith(self.body_parts.prefix) and owner and part in _AXES:
-                own = places.setdefault(owner, np.full(3, _NOT_DRIVEN))
-                own[_AXES.index(part)] = v.start
-        triples = [_Triple(name, v, self._carrying(name)) for name, v in places.items()]
-        for name, (_, first) in table.rotations.items():
+                axis_indices = indices.setdefault(owner, np.full(3, _NOT_DRIVEN))
+                axis_indices[_AXES.index(part)] = v.start
+        triples = [_AxisTriple(name, v, self._end_axes(name)) for name, v in indices.items()]
+        for name, (_, start) in table.rotations.items():
             if name.startswith(self.body_parts.prefix):
                 owner = name.rpartition(".")[0]
                 body = self.links[self.joint(owner, first=False)]
-                triples.append(_Triple(owner, np.arange(first, first + 3), self._seen(body)))
+                triples.append(
+                    _AxisTriple(owner, np.arange(start, start + 3), self._in_own_axes(body))
+                )
         return [triple for triple in triples if not np.array_equal(triple.axes, np.eye(3))]
 
     def joint_axes(self) -> dict[str, tuple[float, ...]]:
@@ -219,22 +226,22 @@ class _Frames:
         for name, axis in self.body_parts.marionette.coordinates.axes.items():
             if name.startswith(self.body_parts.prefix):
                 carrier = self._tree.links[self.joint(name, first=True)].parent
-                axes[name] = tuple((self._seen(self._axes(carrier)) @ axis).tolist())
+                axes[name] = tuple((self._in_own_axes(self._link_axes(carrier)) @ axis).tolist())
         return axes
 
-    def _carrying(self, owner: str) -> Array:
+    def _end_axes(self, owner: str) -> Array:
         """Axes along which a joint or a string's end moves, in the puppet's own axes."""
         link = self._tree.links[self.joint(owner, first=True)]
-        return self._seen(self._axes(link.parent) @ link.rotation)
+        return self._in_own_axes(self._link_axes(link.parent) @ link.rotation)
 
-    def _axes(self, link: int) -> Array:
+    def _link_axes(self, link: int) -> Array:
         return self.world if link == WORLD else self.links[link]
 
-    def _seen(self, axes: Array) -> Array:
+    def _in_own_axes(self, axes: Array) -> Array:
         """Axes of the file, in the puppet's own axes."""
-        own = self.turn.T @ axes
-        whole = np.round(own) + 0.0
-        return np.where(np.abs(own - whole) < _ROUNDING, whole, own)
+        own_axes = self.turn.T @ axes
+        rounded = np.round(own_axes) + 0.0
+        return np.where(np.abs(own_axes - rounded) < _ROUNDING, rounded, own_axes)
 
     @property
     def _tree(self) -> Tree:

@@ -1,7 +1,7 @@
 """Performance of a script's cues in order, as a function from state to state.
 
 Scores and plays are performed in the same way. They differ in the verbs of their cues, and in the
-treatment of a cue that would be late: see :class:`Policy`.
+treatment of a cue that would be late: see :class:`LatenessPolicy`.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from fantoccini.model.tree import CoordinateTable
 from fantoccini.motion import pieces
 from fantoccini.theatre.gestures import piecewise
 from fantoccini.theatre.gestures.gesture import Gesture
-from fantoccini.theatre.gestures.joining import Continued, Line
+from fantoccini.theatre.gestures.joining import AddedMotion, MotionSequence
 from fantoccini.theatre.gestures.turns import check_turns
 from fantoccini.theatre.script import END, Cue, CueFile, Moments, Spot, Timeline
 
@@ -28,37 +28,38 @@ _SAME_TIME = 1e-9
 """Tolerance for equal times [s]."""
 
 
-class CannotBe(Exception):
+class CueError(Exception):
     """A cue cannot be done; the message has the reason and a remedy."""
 
 
 @dataclass(frozen=True)
-class Policy:
+class LatenessPolicy:
     """Treatment of cues that would be late.
 
     Attributes:
         tolerance: largest lateness that is ignored [s].
-        refusing: errors for which a cue is left out; if empty, a late cue is done and reported.
+        refusal_errors: errors for which a cue is left out; if empty, a late cue is done and
+            reported.
     """
 
     tolerance: float
-    refusing: tuple[type[Exception], ...] = ()
+    refusal_errors: tuple[type[Exception], ...] = ()
 
-    def check(self, late: float, patience: float, message: Callable[[], str]) -> str:
+    def check(self, lateness: float, patience: float, message: Callable[[], str]) -> str:
         """Message about a cue that is too late; "" if it is in time.
 
         Args:
-            late: its lateness [s].
+            lateness: its lateness [s].
             patience: the lateness that the cue allows [s].
             message: returns the message.
 
         Raises:
-            CannotBe: the cue is refused.
+            CueError: the cue is refused.
         """
-        if late <= patience + self.tolerance:
+        if lateness <= patience + self.tolerance:
             return ""
-        if self.refusing:
-            raise CannotBe(message())
+        if self.refusal_errors:
+            raise CueError(message())
         return message()
 
 
@@ -86,7 +87,7 @@ class Hands:
         busy: gestures so far, for a player in a play.
     """
 
-    lanes: tuple[Line, ...]
+    lanes: tuple[MotionSequence, ...]
     busy: tuple[Busy, ...] = ()
 
     @property
@@ -100,22 +101,22 @@ class Hands:
         It is the first lane that is free at that time, or a new one. If other gestures move the
         same strings at that time, the gesture begins after them, in the lane of the last.
         """
-        busy = [
+        conflicts = [
             (end, lane)
             for lane, _, end, named in self.busy
             if end > begin + _SAME_TIME and np.any(named & gesture.named)
         ]
-        if busy:
-            end, lane = max(busy)
+        if conflicts:
+            end, lane = max(conflicts)
             return lane, max(end, begin)
-        for i, line in enumerate(self.lanes[1:], 1):
-            if line.end + line.lead_time(gesture.motion) <= begin + _SAME_TIME:
+        for i, sequence in enumerate(self.lanes[1:], 1):
+            if sequence.end + sequence.lead_time(gesture.motion) <= begin + _SAME_TIME:
                 return i, begin
         if len(self.lanes) > 1 and all(end <= begin for _, _, end, _ in self.busy):
             return 1, begin
         return len(self.lanes), begin
 
-    def add(self, lane: int, gesture: Gesture, begin: float) -> tuple[Hands, Continued]:
+    def add(self, lane: int, gesture: Gesture, begin: float) -> tuple[Hands, AddedMotion]:
         """The hands with a gesture that begins at a time or soon after, and its line.
 
         Args:
@@ -123,24 +124,27 @@ class Hands:
             gesture: gesture with its variations.
             begin: earliest time [s].
         """
-        lanes = [*self.lanes, Line.empty(self.lanes[0].bounds)][: max(lane + 1, len(self.lanes))]
-        continued = lanes[lane].add(gesture.motion, begin)
-        lanes[lane] = continued.line
-        return replace(self, lanes=tuple(lanes)), continued
+        lanes = [*self.lanes, MotionSequence.empty(self.lanes[0].bounds)][
+            : max(lane + 1, len(self.lanes))
+        ]
+        addition = lanes[lane].add(gesture.motion, begin)
+        lanes[lane] = addition.sequence
+        return replace(self, lanes=tuple(lanes)), addition
 
     def add_busy(self, lane: int, gesture: Gesture, begin: float) -> tuple[Hands, float]:
         """The hands with a gesture that occupies its strings; and its beginning [s]."""
-        hands, continued = self.add(lane, gesture, begin)
-        start = continued.start
+        hands, addition = self.add(lane, gesture, begin)
+        start = addition.start
         busy = Busy(lane, start, start + gesture.duration, gesture.named)
         return replace(hands, busy=(*self.busy, busy)), start
 
     def rested(self, lane: int | None = None) -> Hands:
         """The hands with one lane brought to rest, or all."""
-        lines = tuple(
-            line.rested() if lane in (None, i) else line for i, line in enumerate(self.lanes)
+        lanes = tuple(
+            sequence.stopped_if_moving() if lane in (None, i) else sequence
+            for i, sequence in enumerate(self.lanes)
         )
-        return replace(self, lanes=lines)
+        return replace(self, lanes=lanes)
 
     def check_turns(self, table: CoordinateTable, before: Hands) -> None:
         """Checks the turns of bodies by all lanes together, where lanes have been added.
@@ -152,40 +156,52 @@ class Hands:
         Raises:
             TurnError: a body turns too far.
         """
-        ends = [line.end for line in before.lanes] + [0.0] * len(self.lanes)
-        since = min(
-            (end for line, end in zip(self.lanes, ends, strict=False) if line.end > end),
+        lane_ends = [sequence.end for sequence in before.lanes] + [0.0] * len(self.lanes)
+        changed_from = min(
+            (
+                lane_end
+                for sequence, lane_end in zip(self.lanes, lane_ends, strict=False)
+                if sequence.end > lane_end
+            ),
             default=self.end,
         )
-        if not table.rotations or since >= self.end:
+        if not table.rotations or changed_from >= self.end:
             return
-        later = [line.held(self.end).after(since) for line in self.lanes]
-        clock = pieces.clock([breaks[breaks > since] for breaks, _ in later] + [np.array([since])])
-        coef = [piecewise.on(pieces.snap(breaks, clock), own, clock) for breaks, own in later]
-        check_turns(table, clock, np.sum(coef, axis=0))
+        added_pieces = [
+            sequence.held_until(self.end).pieces_after(changed_from) for sequence in self.lanes
+        ]
+        common_breaks = pieces.clock(
+            [breaks[breaks > changed_from] for breaks, _ in added_pieces]
+            + [np.array([changed_from])]
+        )
+        coef = [
+            piecewise.refine(pieces.snap(breaks, common_breaks), lane_coef, common_breaks)
+            for breaks, lane_coef in added_pieces
+        ]
+        check_turns(table, common_breaks, np.sum(coef, axis=0))
 
     def motion(
-        self, table: CoordinateTable, labels: Sequence[str], until: float
+        self, table: CoordinateTable, labels: Sequence[str], end: float
     ) -> tuple[Gesture, dict[str, Gesture]]:
         """Motion of all lanes together, and of each by its label; at rest until the end.
 
         Args:
             table: coordinates of the puppet.
             labels: names of the lanes.
-            until: end [s].
+            end: end [s].
         """
-        lanes = {
-            label: Gesture(table, *line.held(until).motion, label)
-            for label, line in zip(labels, self.lanes, strict=True)
+        gestures = {
+            label: Gesture(table, *sequence.held_until(end).motion, label)
+            for label, sequence in zip(labels, self.lanes, strict=True)
         }
-        whole, *others = lanes.values()
+        total, *others = gestures.values()
         for other in others:
-            whole += other
-        return whole, lanes
+            total += other
+        return total, gestures
 
 
 @dataclass(frozen=True)
-class Part:
+class CuePart:
     """Part of one player in a cue.
 
     Attributes:
@@ -205,18 +221,18 @@ class Part:
 
 
 @dataclass(frozen=True, eq=False)
-class Turn(Generic[CueT]):
+class PendingCue(Generic[CueT]):
     """Cue to be placed next.
 
     Attributes:
         cue: cue of the file, with its players.
-        wanted: wanted time of the cue, or of its mark in `on` [s].
+        wanted_time: wanted time of the cue, or of its mark in `on` [s].
         start: start of its act [s].
         moments: keys of a placed cue or mark -> its moments.
     """
 
     cue: Cue[CueT]
-    wanted: float
+    wanted_time: float
     start: float
     moments: Mapping[Spot, Moments]
 
@@ -226,9 +242,9 @@ class Turn(Generic[CueT]):
         return self.cue.spot
 
     @property
-    def given(self) -> CueT:
+    def entry(self) -> CueT:
         """Entry of the file."""
-        return self.cue.given
+        return self.cue.entry
 
     @property
     def who(self) -> tuple[str, ...]:
@@ -237,20 +253,20 @@ class Turn(Generic[CueT]):
 
 
 @dataclass(frozen=True)
-class Placed(Generic[CueT]):
+class PlacedCue(Generic[CueT]):
     """Placed cue.
 
     Attributes:
         cue: cue of the file, with its players.
-        wanted: wanted time of the cue, or of its mark in `on` [s].
+        wanted_time: wanted time of the cue, or of its mark in `on` [s].
         parts: parts of the players; empty if it cannot be done.
         moments: mark, ``start`` or ``end`` -> time [s]; of several players the last.
         refused: reason why it cannot be done; "" if it can.
     """
 
     cue: Cue[CueT]
-    wanted: float
-    parts: tuple[Part, ...]
+    wanted_time: float
+    parts: tuple[CuePart, ...]
     moments: Moments
     refused: str = ""
 
@@ -260,13 +276,13 @@ class Placed(Generic[CueT]):
         return self.cue.spot
 
     @property
-    def given(self) -> CueT:
+    def entry(self) -> CueT:
         """Entry of the file."""
-        return self.cue.given
+        return self.cue.entry
 
 
 @dataclass(frozen=True, eq=False)
-class Performed(Generic[CueT, StateT]):
+class PerformedScript(Generic[CueT, StateT]):
     """Script performed up to some cue.
 
     Attributes:
@@ -277,7 +293,7 @@ class Performed(Generic[CueT, StateT]):
 
     state: StateT
     moments: Mapping[Spot, Moments] = field(default_factory=dict)
-    placed: Mapping[Spot, Placed[CueT]] = field(default_factory=dict)
+    placed: Mapping[Spot, PlacedCue[CueT]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -287,49 +303,51 @@ class Performer(Generic[CueT, StateT]):
     Attributes:
         timeline: cues of the script.
         policy: treatment of cues that would be late.
-        do: performs a cue: returns the next state, the parts of the players and the moments of the
+        perform: returns the next state, the parts of the players and the moments of the
             cue, from a state and the cue.
-        mark: returns the time of a mark of the file, from its written time [s].
+        time_of_mark: returns the time of a mark of the file, from its written time [s].
         refused: keys of a cue that is left out -> reason.
     """
 
     timeline: Timeline[CueT]
-    policy: Policy
-    do: Callable[[StateT, Turn[CueT]], tuple[StateT, tuple[Part, ...], Moments]]
-    mark: Callable[[Spot, float], float] = lambda spot, t: t
+    policy: LatenessPolicy
+    perform: Callable[[StateT, PendingCue[CueT]], tuple[StateT, tuple[CuePart, ...], Moments]]
+    time_of_mark: Callable[[Spot, float], float] = lambda spot, t: t
     refused: Mapping[Spot, str] = field(default_factory=dict)
 
-    def act(
-        self, before: Performed[CueT, StateT], number: int, start: float
-    ) -> Performed[CueT, StateT]:
+    def perform_act(
+        self, performed: PerformedScript[CueT, StateT], act: int, start: float
+    ) -> PerformedScript[CueT, StateT]:
         """The script with one more act performed.
 
         Args:
-            before: script up to the act.
-            number: number of the act.
+            performed: script up to the act.
+            act: number of the act.
             start: start of the act [s].
         """
-        state, moments, placed = before.state, dict(before.moments), dict(before.placed)
+        state, moments, placed = performed.state, dict(performed.moments), dict(performed.placed)
 
-        def perform(cue: Cue[CueT], t: float) -> Moments:
+        def place_cue(cue: Cue[CueT], t: float) -> Moments:
             nonlocal state
-            state, placed[cue.spot] = self._placed(state, Turn(cue, t, start, moments))
+            state, placed[cue.spot] = self._perform_cue(state, PendingCue(cue, t, start, moments))
             return placed[cue.spot].moments
 
-        self.timeline.place(number, start, moments, perform, self.mark)
-        return Performed(state, moments, placed)
+        self.timeline.place(act, start, moments, place_cue, self.time_of_mark)
+        return PerformedScript(state, moments, placed)
 
-    def _placed(self, state: StateT, turn: Turn[CueT]) -> tuple[StateT, Placed[CueT]]:
+    def _perform_cue(
+        self, state: StateT, pending: PendingCue[CueT]
+    ) -> tuple[StateT, PlacedCue[CueT]]:
         """State after a cue, and the placed cue; the state is unchanged if it is refused."""
-        cue, reason = turn.cue, self.refused.get(turn.spot, "")
+        cue, reason = pending.cue, self.refused.get(pending.spot, "")
         if not reason:
             try:
-                after, parts, moments = self.do(state, turn)
-                return after, Placed(cue, turn.wanted, parts, moments)
-            except self.policy.refusing as error:
+                next_state, parts, moments = self.perform(state, pending)
+                return next_state, PlacedCue(cue, pending.wanted_time, parts, moments)
+            except self.policy.refusal_errors as error:
                 reason = str(error)
         # Later cues begin as if it had been done, but not while the player is busy.
-        t = max(turn.wanted, 0.0)
-        end = max([t, *(turn.moments[before.spot][END] for before in cue.before)])
-        moments = dict.fromkeys(cue.known, t) | {END: end}
-        return state, Placed(cue, turn.wanted, (), moments, reason)
+        t = max(pending.wanted_time, 0.0)
+        end_time = max([t, *(pending.moments[previous.spot][END] for previous in cue.previous)])
+        moments = dict.fromkeys(cue.moment_names, t) | {END: end_time}
+        return state, PlacedCue(cue, pending.wanted_time, (), moments, reason)

@@ -36,7 +36,7 @@ class Caption:
 
 
 @dataclass(frozen=True)
-class Played:
+class PlayedGesture:
     """A gesture in the time of a score.
 
     Attributes:
@@ -109,7 +109,7 @@ class Score:
 
     marionette: Marionette
     gesture: Gesture
-    cues: tuple[Played, ...]
+    cues: tuple[PlayedGesture, ...]
     marks: Mapping[str, float]
     captions: tuple[Caption, ...]
     beat: float

@@ -9,9 +9,9 @@ from fantoccini.base import Array, FileError, InputError, StateError, UnknownNam
 from fantoccini.base.documents import Located
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import State
-from fantoccini.theatre.gestures.gesture import Gesture, numbered
+from fantoccini.theatre.gestures.gesture import Gesture, numbered_mark
 from fantoccini.theatre.gestures.gesture_file import (
-    bundled,
+    bundled_gesture_path,
     gesture_names,
     is_gesture,
     load_gesture,
@@ -21,9 +21,9 @@ from fantoccini.theatre.gestures.placing import place_lanes
 from fantoccini.theatre.gestures.styling import Style, StyleError
 from fantoccini.theatre.script import GestureCue, PhraseCue, PlayedCue, ScoreFile, ScriptLog, Spot
 
-_TAKE = ".npz"
-_ENDINGS = (".yaml", ".yml", _TAKE)
-"""Endings that may be left out."""
+_TAKE_SUFFIX = ".npz"
+_SUFFIXES = (".yaml", ".yml", _TAKE_SUFFIX)
+"""Suffixes that a gesture's name may omit."""
 _MAX_DEPTH = 30
 """Largest depth of phrases within phrases."""
 
@@ -44,28 +44,28 @@ class ScoreGestures:
     ):
         self._marionette, self._file, self._start = marionette, file, start
         self._bounds, self._log = bounds, log
-        self._files: dict[tuple[str, str, Parameters], Gesture | None] = {}
-        self._wrong: dict[tuple[str, str, Parameters], list[tuple[Spot, str]]] = {}
+        self._gestures: dict[tuple[str, str, Parameters], Gesture | None] = {}
+        self._mistakes_of: dict[tuple[str, str, Parameters], list[tuple[Spot, str]]] = {}
         self._phrases: dict[str, Gesture | None] = {}
-        self._open: list[str] = []
+        self._open_phrases: list[str] = []
 
     def read_all(self) -> None:
         """Compiles all phrases, so that mistakes in those that no cue plays are found too."""
         for name in self._file.phrases:
             self._phrase(name, ("phrases", name))
 
-    def of(self, cue: PlayedCue, spot: Spot) -> tuple[Gesture, Gesture] | None:
+    def for_cue(self, cue: PlayedCue, spot: Spot) -> tuple[Gesture, Gesture] | None:
         """Gesture of a cue, once and with its repetitions; None after a mistake."""
         if isinstance(cue, PhraseCue):
             gesture = self._phrase(cue.phrase, (*spot, "phrase"))
         else:
             assert isinstance(cue, GestureCue)
-            gesture = self._gesture(cue, spot)
+            gesture = self._load_cue_gesture(cue, spot)
         if gesture is None:
             return None
-        style, file = Style.of(cue, self._log.beat), self._file
+        style, file = Style.from_cue(cue, self._log.beat), self._file
         try:
-            return style.varied(
+            return style.apply(
                 gesture,
                 self._marionette,
                 heading=cue.heading,
@@ -76,26 +76,26 @@ class ScoreGestures:
             self._log.mistakes.add((*spot, error.key) if error.key else spot, str(error))
             return None
 
-    def _gesture(self, cue: GestureCue, spot: Spot) -> Gesture | None:
-        name, of = cue.gesture, cue.of or ""
+    def _load_cue_gesture(self, cue: GestureCue, spot: Spot) -> Gesture | None:
+        name, member = cue.gesture, cue.of or ""
         parameters = Parameters(cue.steps, cue.step, cue.turn, cue.to)
-        if (name, of, parameters) in self._files:
-            for key, text in self._wrong.get((name, of, parameters), ()):
+        if (name, member, parameters) in self._gestures:
+            for key, text in self._mistakes_of.get((name, member, parameters), ()):
                 self._log.mistakes.add((*spot, *key), text)
-            return self._files[name, of, parameters]
-        self._files[name, of, parameters] = None
-        before = len(self._log.mistakes)
+            return self._gestures[name, member, parameters]
+        self._gestures[name, member, parameters] = None
+        n_before = len(self._log.mistakes)
         try:
-            path, is_bundled = self._path(name)
+            file_path, is_bundled = self._gesture_path(name)
             if is_bundled and parameters.computes(name):
-                prefix = member_prefix(self._marionette.coordinates, of)
+                prefix = member_prefix(self._marionette.coordinates, member)
                 gesture = computed_gesture(self._marionette, name, parameters, prefix, self._start)
             else:
                 parameters.refuse(name)
-                gesture = load_gesture(self._marionette, path, self._start, of=of)
-            self._files[name, of, parameters] = gesture
+                gesture = load_gesture(self._marionette, file_path, self._start, of=member)
+            self._gestures[name, member, parameters] = gesture
         except UnknownNameError as error:
-            self._log.mistakes.add((*spot, "of" if of else "gesture"), str(error))
+            self._log.mistakes.add((*spot, "of" if member else "gesture"), str(error))
         except StateError as error:
             self._log.mistakes.add((*spot, "gesture"), str(error))
         except InputError as error:
@@ -104,30 +104,31 @@ class ScoreGestures:
         except FileError as error:
             for mistake in error.mistakes:
                 self._log.mistakes.add((*spot, "gesture"), str(mistake))
-        self._wrong[name, of, parameters] = [
-            (path[len(spot) :], text) for path, text in self._log.mistakes.found[before:]
+        self._mistakes_of[name, member, parameters] = [
+            (file_path[len(spot) :], text)
+            for file_path, text in self._log.mistakes.found[n_before:]
         ]
-        return self._files[name, of, parameters]
+        return self._gestures[name, member, parameters]
 
-    def _path(self, name: str) -> tuple[Path, bool]:
+    def _gesture_path(self, name: str) -> tuple[Path, bool]:
         """File of a gesture, and whether it is bundled.
 
         Raises:
             StateError: no gesture has this name, or several have it.
         """
-        path = gesture_beside(self._log.located, name, gesture_names())
+        path = find_gesture_file(self._log.located, name, gesture_names())
         if path is not None:
             return path, False
         if name in gesture_names():
-            return bundled(name), True
+            return bundled_gesture_path(name), True
         text = "no gesture file in this one's folder, and no bundled gesture, is called "
         raise StateError(f"{text}{name!r}{nearest(name, gesture_names())}")
 
     def _phrase(self, name: str, spot: Spot) -> Gesture | None:
         """A phrase as one gesture, from the puppet's rest; it ends at rest."""
-        if name in self._open:
-            chain = " -> ".join([*self._open[self._open.index(name) :], name])
-            self._log.mistakes.add(spot, f"a phrase is part of itself: {chain}")
+        if name in self._open_phrases:
+            cycle = " -> ".join([*self._open_phrases[self._open_phrases.index(name) :], name])
+            self._log.mistakes.add(spot, f"a phrase is part of itself: {cycle}")
             return None
         if name not in self._file.phrases:
             text = f"no phrase is called {name!r}{nearest(name, self._file.phrases)}"
@@ -135,29 +136,31 @@ class ScoreGestures:
             return None
         if name in self._phrases:
             return self._phrases[name]
-        if len(self._open) >= _MAX_DEPTH:
+        if len(self._open_phrases) >= _MAX_DEPTH:
             self._log.mistakes.add(spot, f"phrases are more than {_MAX_DEPTH} deep; needed: fewer")
             return None
-        self._open.append(name)
+        self._open_phrases.append(name)
         self._phrases[name] = self._phrase_gesture(name)
-        self._open.pop()
+        self._open_phrases.pop()
         return self._phrases[name]
 
     def _phrase_gesture(self, name: str) -> Gesture | None:
         lanes = {name: (("phrases", name), self._file.phrases[name])}
-        placed = place_lanes(lanes, {}, self.of, self._bounds, self._log, phrase=True)
+        placed = place_lanes(lanes, {}, self.for_cue, self._bounds, self._log, is_phrase=True)
         if placed is None or self._log.mistakes:
             return None
         marks: dict[str, float] = {}
         for _, played, _ in placed.played:
             for mark, t in played.marks.items():
-                marks[numbered(mark, marks)] = t
+                marks[numbered_mark(mark, marks)] = t
         (line,) = placed.hands.lanes
-        return Gesture(self._marionette.coordinates, *line.motion, name, marks, placed.turns)
+        return Gesture(
+            self._marionette.coordinates, *line.motion, name, marks, placed.changes_heading
+        )
 
 
-def gesture_beside(
-    located: Located, name: str, bundled: Collection[str], endings: Collection[str] = ()
+def find_gesture_file(
+    located: Located, name: str, bundled: Collection[str], suffixes: Collection[str] = ()
 ) -> Path | None:
     """File beside a script that a gesture's name means, with or without its ending.
 
@@ -165,7 +168,7 @@ def gesture_beside(
         located: the script.
         name: name of a gesture in the script.
         bundled: names of bundled gestures.
-        endings: endings of further files that may be left out.
+        suffixes: endings of further files that may be left out.
 
     Returns:
         The file; None if there is none, so that the name may be that of a bundled gesture.
@@ -173,12 +176,12 @@ def gesture_beside(
     Raises:
         StateError: the name without ending has several meanings.
     """
-    if (exact := located.beside(name)) is not None:
-        return exact
+    if (exact_path := located.beside(name)) is not None:
+        return exact_path
     files: dict[str, Path] = {}
-    for ending in (*_ENDINGS, *endings):
-        path = located.beside(name + ending)
-        if path is not None and (ending in (_TAKE, *endings) or is_gesture(path)):
+    for suffix in (*_SUFFIXES, *suffixes):
+        path = located.beside(name + suffix)
+        if path is not None and (suffix in (_TAKE_SUFFIX, *suffixes) or is_gesture(path)):
             files[path.name] = path
     if not files:
         return None

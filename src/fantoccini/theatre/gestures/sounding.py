@@ -11,16 +11,16 @@ from fantoccini.theatre.script import ScriptLog, SoundFile, Spot, Time
 
 
 def read_sounds(
-    given: Sequence[SoundFile], time: Callable[[Time, Spot], float], log: ScriptLog
+    entries: Sequence[SoundFile], time_of: Callable[[Time, Spot], float], log: ScriptLog
 ) -> tuple[Sound, ...]:
     """Sounds of a file.
 
     Args:
-        given: entries of the file.
-        time: returns a time of the file, from its keys [s].
+        entries: entries of the file.
+        time_of: returns a time of the file, from its keys [s].
         log: collects mistakes.
     """
-    return tuple(_sound(entry, i, time, log) for i, entry in enumerate(given))
+    return tuple(_sound(entry, i, time_of, log) for i, entry in enumerate(entries))
 
 
 def spot_of_sound(i: int, located: Located) -> Spot:
@@ -28,18 +28,20 @@ def spot_of_sound(i: int, located: Located) -> Spot:
     return ("sound", i) if isinstance(located.data["sound"], list) else ("sound",)
 
 
-def _sound(given: SoundFile, i: int, time: Callable[[Time, Spot], float], log: ScriptLog) -> Sound:
+def _sound(
+    entry: SoundFile, i: int, time_of: Callable[[Time, Spot], float], log: ScriptLog
+) -> Sound:
     located = log.located
     spot = spot_of_sound(i, located)
-    start = time(given.at, (*spot, "at"))
-    path = located.beside(given.file)
+    start = time_of(entry.at, (*spot, "at"))
+    path = located.beside(entry.file)
     if path is None:
-        text = f"no file of this file's folder is called {given.file!r}"
+        text = f"no file of this file's folder is called {entry.file!r}"
         log.mistakes.add((*spot, "file"), text)
-        return Sound(located.folder, start, given.gain, 0.0)
+        return Sound(located.folder, start, entry.gain, 0.0)
     try:
         duration = sound_duration(path)
     except MediaError as error:
-        log.mistakes.add((*spot, "file"), f"{given.file} {error}")
+        log.mistakes.add((*spot, "file"), f"{entry.file} {error}")
         duration = 0.0
-    return Sound(path, start, given.gain, duration)
+    return Sound(path, start, entry.gain, duration)

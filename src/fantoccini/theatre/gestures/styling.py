@@ -8,8 +8,8 @@ from typing import Any
 from fantoccini.base import FantocciniError, StateError, UnknownNameError
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.theatre.gestures.gesture import Gesture
-from fantoccini.theatre.gestures.transitions import ACCELERATION, SPEED, Limit
-from fantoccini.theatre.script import STYLE_WORDS, DoesCue, Styled
+from fantoccini.theatre.gestures.transitions import MAX_ACCELERATION, MAX_SPEED, MotionBound
+from fantoccini.theatre.script import STYLE_WORDS, DoesCue, StyledCue
 
 _MAX_PIECES = 100_000
 """Largest number of pieces of a repeated gesture, to limit memory."""
@@ -46,27 +46,27 @@ class Style:
     lasts: float | None = None
 
     @classmethod
-    def of(cls, cue: Styled, beat: float) -> Style:
+    def from_cue(cls, cue: StyledCue, beat: float) -> Style:
         """Style of a cue, by its words and numbers; ``beat`` is the duration of a beat [s]."""
         larger, faster = cue.larger, cue.faster
         mirrored, repeat = cue.mirrored, cue.repeat
         for word in cue.how if isinstance(cue, DoesCue) else ():
-            changes: dict[str, Any] = STYLE_WORDS[word]
-            larger *= changes.get("larger", 1.0)
-            faster *= changes.get("faster", 1.0)
-            mirrored = mirrored != changes.get("mirrored", False)
-            repeat *= changes.get("repeat", 1)
+            variation: dict[str, Any] = STYLE_WORDS[word]
+            larger *= variation.get("larger", 1.0)
+            faster *= variation.get("faster", 1.0)
+            mirrored = mirrored != variation.get("mirrored", False)
+            repeat *= variation.get("repeat", 1)
         lasts = None if cue.lasts is None else cue.lasts * beat
         return cls(larger, faster, mirrored, repeat, lasts)
 
-    def varied(
+    def apply(
         self,
         gesture: Gesture,
         puppet: Marionette,
         *,
         heading: float | None = None,
-        speed: Limit = SPEED,
-        acceleration: Limit = ACCELERATION,
+        speed: MotionBound = MAX_SPEED,
+        acceleration: MotionBound = MAX_ACCELERATION,
     ) -> tuple[Gesture, Gesture]:
         """The gesture in this style, once and with its repetitions.
 
@@ -82,26 +82,26 @@ class Style:
         Raises:
             StyleError: a variation is impossible.
         """
-        key = "mirrored"
+        failing_key = "mirrored"
         try:
             once = gesture.mirrored(puppet) if self.mirrored else gesture
-            key = "heading"
+            failing_key = "heading"
             once = once if heading is None else once.turned(heading)
-            key = "faster"
+            failing_key = "faster"
             once = once.faster(self.faster)
-            key = "lasts"
+            failing_key = "lasts"
             once = once if self.lasts is None else once.lasting(self.lasts)
-            key = "larger"
+            failing_key = "larger"
             once = once.scaled(self.larger)
-            key = "repeat"
+            failing_key = "repeat"
             pieces = self.repeat * (len(once.breaks) - 1)
             if pieces > _MAX_PIECES:
                 raise StateError(
                     f"found {self.repeat}; {once.name} would have {pieces} pieces, "
                     f"of {_MAX_PIECES} at most"
                 )
-            key = ""
-            whole = once.repeated(self.repeat, speed=speed, acceleration=acceleration)
+            failing_key = ""
+            repeated = once.repeated(self.repeat, speed=speed, acceleration=acceleration)
         except (UnknownNameError, StateError) as error:
-            raise StyleError(key, error) from None
-        return once, whole
+            raise StyleError(failing_key, error) from None
+        return once, repeated

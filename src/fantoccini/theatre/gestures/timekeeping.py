@@ -17,26 +17,26 @@ from fantoccini.base import Array, Indices, StateError, Times
 from fantoccini.control.optimal import ReachedPoses, TargetKey, reach
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import State, Trajectory, pieces
-from fantoccini.theatre.gestures.score import Played, Score
+from fantoccini.theatre.gestures.score import PlayedGesture, Score
 
-AXES = {"x": 0, "y": 1, "length": 2}
+AXIS_OF_COORDINATE = {"x": 0, "y": 1, "length": 2}
 """Coordinate of a driven string -> axis along which it carries the hanging end."""
-_MAX_WINDOW = 0.3
+_MAX_WINDOW_TIME = 0.3
 """Longest time before or after a mark in which a limb may turn [s]."""
 _WINDOW_SHARE = 0.45
 """Share of the time to the cue's nearest other turn in which a limb may turn."""
-_TURN_TIME = 0.12
+_HAND_TURN_TIME = 0.12
 """Time before and after a mark in which the hand turns [s]."""
-_TOP_TOLERANCE = 0.35
+_PEAK_TOLERANCE = 0.35
 """Share of the path's range by which a turn may be below the highest point."""
-_TURN_SHARE = 0.9
+_MIN_TRAVEL_SHARE = 0.9
 """Least travel of a string that counts as turning too, relative to the largest travel."""
 _MIN_TRAVEL = 2e-3
 """Least travel to a turn and back from it [m]."""
 
 _MAX_HANGING_ERROR = 5e-3
 """Largest distance between the strings of a score and those of a hanging pose [m]."""
-_STEP = 2e-3
+_SAMPLE_INTERVAL = 2e-3
 """Time between samples of a run [s]."""
 
 Point = tuple[str, tuple[float, float, float]]
@@ -44,7 +44,7 @@ Point = tuple[str, tuple[float, float, float]]
 
 
 @dataclass(frozen=True)
-class Late:
+class LimbLateness:
     """Lateness of a limb on a mark of a cue.
 
     Attributes:
@@ -53,21 +53,21 @@ class Late:
         seconds: time from the mark to the turn [s]; negative if it is early.
     """
 
-    cue: Played
+    cue: PlayedGesture
     mark: str
     string: str
     seconds: float
 
 
-def ties(marionette: Marionette) -> dict[str, Point]:
+def tied_points(marionette: Marionette) -> dict[str, Point]:
     """String -> point at which it is tied to a body that is not driven."""
     tree = marionette.tree
     points = {}
     for string in tree.strings:
-        end = string.points[0]
-        if end.link >= 0:
-            x, y, z = (marionette.number(v) for v in end.at)
-            points[string.name] = (tree.links[end.link].name, (x, y, z))
+        tied_end = string.points[0]
+        if tied_end.link >= 0:
+            x, y, z = (marionette.number(v) for v in tied_end.at)
+            points[string.name] = (tree.links[tied_end.link].name, (x, y, z))
     return points
 
 
@@ -75,8 +75,8 @@ def point_paths(
     marionette: Marionette, run: Trajectory, points: Mapping[str, Point], t: Times
 ) -> Array:
     """(T, n_points, 3) positions of points at times of a run [m]."""
-    at = run.resample(np.clip(t, run.t[0], run.t[-1]))
-    return point_positions(marionette, at.q_D, at.q_K, points)
+    samples = run.resample(np.clip(t, run.t[0], run.t[-1]))
+    return point_positions(marionette, samples.q_D, samples.q_K, points)
 
 
 def point_positions(
@@ -85,9 +85,9 @@ def point_positions(
     """(T, n_points, 3) positions of points in poses [m]."""
     poses = marionette.poses(q_D, q_K)
     positions = np.empty((len(q_D), len(points), 3))
-    for i, (body, at) in enumerate(points.values()):
+    for i, (body, point) in enumerate(points.values()):
         pose = poses[:, marionette.link_index(body)]
-        positions[:, i] = pose[:, :, 3] + pose[:, :, :3] @ np.array(at)
+        positions[:, i] = pose[:, :, 3] + pose[:, :, :3] @ np.array(point)
     return positions
 
 
@@ -98,8 +98,8 @@ def hanging_poses(marionette: Marionette, q_K: Array, x0: State, t: Times) -> Re
         StateError: it has contact, or does not hang at a time t [s], which the message gives.
     """
     table = marionette.coordinates
-    wanted: dict[TargetKey, Array] = {table.q_K[q]: q_K[:, q] for q, _ in table.scalars_K}
-    reached_poses = reach(marionette, wanted, x0, slack=True)
+    targets: dict[TargetKey, Array] = {table.q_K[q]: q_K[:, q] for q, _ in table.scalars_K}
+    reached_poses = reach(marionette, targets, x0, slack=True)
     worst = int(np.argmax(reached_poses.distance))
     if reached_poses.distance[worst] > _MAX_HANGING_ERROR:
         raise StateError(
@@ -109,7 +109,7 @@ def hanging_poses(marionette: Marionette, q_K: Array, x0: State, t: Times) -> Re
     return reached_poses
 
 
-def lateness(score: Score, run: Trajectory) -> tuple[Late, ...]:
+def measure_lateness(score: Score, run: Trajectory) -> tuple[LimbLateness, ...]:
     """Lateness of limbs in a run under a score, at every mark at which one turns.
 
     Marks at which no hand turns back, such as those of a hand that stays up, have no lateness.
@@ -119,70 +119,90 @@ def lateness(score: Score, run: Trajectory) -> tuple[Late, ...]:
         run: run from the beginning of the score.
     """
     marionette = score.marionette
-    tied = ties(marionette)
-    t = np.arange(0.0, run.t[-1] - run.t[0], _STEP)
-    seen = list[tuple[Played, str, list[tuple[str, int, float]], Indices]]()
+    points = tied_points(marionette)
+    t = np.arange(0.0, run.t[-1] - run.t[0], _SAMPLE_INTERVAL)
+    turning_marks = list[tuple[PlayedGesture, str, list[tuple[str, int, float]], Indices]]()
     for cue in score.cues:
-        turns = {mark: _turning_strings(score, cue, at, tied) for mark, at in cue.marks.items()}
-        times = [cue.marks[mark] for mark, own in turns.items() if own]
-        for mark, own in turns.items():
-            at = cue.marks[mark]
+        strings_of_mark = {
+            mark: _turning_strings(score, cue, mark_time, points)
+            for mark, mark_time in cue.marks.items()
+        }
+        times = [
+            cue.marks[mark] for mark, turning_strings in strings_of_mark.items() if turning_strings
+        ]
+        for mark, turning_strings in strings_of_mark.items():
+            mark_time = cue.marks[mark]
             window = min(
-                [_MAX_WINDOW, *(_WINDOW_SHARE * abs(at - time) for time in times if time != at)]
+                [
+                    _MAX_WINDOW_TIME,
+                    *(
+                        _WINDOW_SHARE * abs(mark_time - other_time)
+                        for other_time in times
+                        if other_time != mark_time
+                    ),
+                ]
             )
-            near: Indices = np.flatnonzero(np.abs(t - at) <= window)
-            if own and len(near) > 2:
-                seen.append((cue, mark, own, near))
-    if not seen:
+            nearby: Indices = np.flatnonzero(np.abs(t - mark_time) <= window)
+            if turning_strings and len(nearby) > 2:
+                turning_marks.append((cue, mark, turning_strings, nearby))
+    if not turning_marks:
         return ()
     # Positions are computed only around the marks, a small part of a long run.
-    around = np.unique(np.concatenate([near for *_, near in seen]))
-    moved = point_paths(marionette, run, tied, run.t[0] + t[around])
+    sample_indices = np.unique(np.concatenate([nearby for *_, nearby in turning_marks]))
+    positions = point_paths(marionette, run, points, run.t[0] + t[sample_indices])
     late_limbs = []
-    for cue, mark, own, near in seen:
-        at, there = cue.marks[mark], np.searchsorted(around, near)
-        for string, axis, sign in own:
-            path = sign * moved[there, list(tied).index(string), axis]
-            late_limbs.append(Late(cue, mark, string, _turn_time(path, t[near] - at)))
+    for cue, mark, turning_strings, nearby in turning_marks:
+        mark_time, rows = cue.marks[mark], np.searchsorted(sample_indices, nearby)
+        for string, axis, sign in turning_strings:
+            path = sign * positions[rows, list(points).index(string), axis]
+            late_limbs.append(
+                LimbLateness(cue, mark, string, _turn_delay(path, t[nearby] - mark_time))
+            )
     return tuple(late_limbs)
 
 
-def _turn_time(path: Array, away: Times) -> float:
+def _turn_delay(path: Array, delays: Times) -> float:
     """Time from a mark to the nearest high point of a path, or to the highest point [s]."""
     inner = np.arange(1, len(path) - 1)
-    high = path.max() - _TOP_TOLERANCE * (path.max() - path.min())
-    tops = inner[
-        (path[inner] >= path[inner - 1]) & (path[inner] > path[inner + 1]) & (path[inner] >= high)
+    threshold = path.max() - _PEAK_TOLERANCE * (path.max() - path.min())
+    peaks = inner[
+        (path[inner] >= path[inner - 1])
+        & (path[inner] > path[inner + 1])
+        & (path[inner] >= threshold)
     ]
-    if not len(tops):
-        return float(away[np.argmax(path)])
-    k = tops[np.argmin(np.abs(away[tops]))]
+    if not len(peaks):
+        return float(delays[np.argmax(path)])
+    k = peaks[np.argmin(np.abs(delays[peaks]))]
     a, b, c = path[k - 1 : k + 2]  # the turn is the top of the parabola through them
-    return float(away[k] + 0.5 * _STEP * (a - c) / (a - 2.0 * b + c))
+    return float(delays[k] + 0.5 * _SAMPLE_INTERVAL * (a - c) / (a - 2.0 * b + c))
 
 
 def _turning_strings(
-    score: Score, cue: Played, at: float, tied: Mapping[str, Point]
+    score: Score, cue: PlayedGesture, mark_time: float, points: Mapping[str, Point]
 ) -> list[tuple[str, int, float]]:
     """Strings whose hands turn most at a mark, with the axes and signs of the turns."""
     gesture = score.lanes[cue.lane]
-    times = at + _TURN_TIME * np.linspace(-1.0, 1.0, 9)
-    d = np.array([gesture.offsets(t)[0] for t in times])
-    turning: dict[str, tuple[float, int, float]] = {}
+    times = mark_time + _HAND_TURN_TIME * np.linspace(-1.0, 1.0, 9)
+    offsets = np.array([gesture.offsets(t)[0] for t in times])
+    candidates: dict[str, tuple[float, int, float]] = {}
     for name, (_, v) in pieces.channel_names(gesture.coordinates).items():
         string, _, part = name.rpartition(".")
-        if string not in tied or part not in AXES:
+        if string not in points or part not in AXIS_OF_COORDINATE:
             continue
         for sign in (1.0, -1.0):
-            offset = sign * d[:, v.start]
+            offset = sign * offsets[:, v.start]
             travel = min(offset[4] - offset[0], offset[4] - offset[-1])
             if offset[4] >= offset.max() - 1e-9 and travel > max(
-                _MIN_TRAVEL, turning.get(string, (0.0,))[0]
+                _MIN_TRAVEL, candidates.get(string, (0.0,))[0]
             ):
-                turning[string] = travel, AXES[part], -sign if part == "length" else sign
-    largest = max((travel for travel, *_ in turning.values()), default=0.0)
+                candidates[string] = (
+                    travel,
+                    AXIS_OF_COORDINATE[part],
+                    -sign if part == "length" else sign,
+                )
+    largest = max((travel for travel, *_ in candidates.values()), default=0.0)
     return [
         (string, axis, sign)
-        for string, (travel, axis, sign) in turning.items()
-        if travel > _TURN_SHARE * largest
+        for string, (travel, axis, sign) in candidates.items()
+        if travel > _MIN_TRAVEL_SHARE * largest
     ]

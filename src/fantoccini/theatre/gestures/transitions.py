@@ -15,54 +15,56 @@ from fantoccini.theatre.gestures.moves import names_and_units
 if TYPE_CHECKING:
     from fantoccini.model.tree import CoordinateTable
 
-SPEED = 1.0
+MAX_SPEED = 1.0
 """Default bound on the speed of driven coordinates [m/s]."""
-ACCELERATION = 6.0
+MAX_ACCELERATION = 6.0
 """Default bound on the acceleration of driven coordinates [m/s^2]."""
-ARM = 0.4
+TURN_RADIUS = 0.4
 """Distance from the axis at which a bound for all coordinates applies to a turn [m]."""
 
-Limit = float | Mapping[str, float]
+MotionBound = float | Mapping[str, float]
 """A bound for all driven coordinates [m/s or m/s^2], or by name in the coordinate's own unit."""
 
 _MIN_BOUND = 1e-6
 """Least bound of a speed or an acceleration [m/s, m/s^2]."""
 _MIN_DURATION = 0.04
 """Shortest transition [s]."""
-_DURATION_RATIO = 1.1
+_DURATION_GROWTH = 1.1
 """Ratio of one trial duration to the one before."""
-SAME = 1e-12
+OFFSET_TOLERANCE = 1e-12
 """Tolerance for equal offsets and rates [m or rad, s]."""
-_MAX_DURATIONS = 200
+_MAX_TRIALS = 200
 """Number of durations to try; the last one is 10^8 times the first."""
 
 
-def limits(table: CoordinateTable, speed: Limit, acceleration: Limit) -> Array:
+def motion_bounds(table: CoordinateTable, speed: MotionBound, acceleration: MotionBound) -> Array:
     """(2, n_vK) bounds of speeds and accelerations, each in its coordinate's unit.
 
-    A bound for all coordinates is divided by :data:`ARM` for turns.
+    A bound for all coordinates is divided by :data:`TURN_RADIUS` for turns.
 
     Raises:
         UnknownNameError: a name is not that of a driven coordinate.
         ValueError: a bound is below 1e-6.
     """
-    places = pieces.channel_names(table)
+    channels = pieces.channel_names(table)
     bounds = np.empty((2, table.n_vK))
-    arms = np.array([ARM if unit == "rad" else 1.0 for _, unit in names_and_units(table)])
-    for row, (quantity, bound, default) in enumerate(
-        (("speed", speed, SPEED), ("acceleration", acceleration, ACCELERATION))
+    turn_radii = np.array(
+        [TURN_RADIUS if unit == "rad" else 1.0 for _, unit in names_and_units(table)]
+    )
+    for i, (quantity, bound, default) in enumerate(
+        (("speed", speed, MAX_SPEED), ("acceleration", acceleration, MAX_ACCELERATION))
     ):
         if not isinstance(bound, Mapping):
             check_positive(**{quantity: bound})
-            bounds[row] = bound / arms
+            bounds[i] = bound / turn_radii
             continue
-        bounds[row] = default / arms
+        bounds[i] = default / turn_radii
         for name, value in bound.items():
             channel = table.commands.get(name, name)
-            if channel not in places:
-                raise UnknownNameError("driven coordinate", name, list(places))
+            if channel not in channels:
+                raise UnknownNameError("driven coordinate", name, list(channels))
             check_positive(**{f"{quantity} of {name}": value})
-            bounds[row, places[channel][1]] = value
+            bounds[i, channels[channel][1]] = value
     if np.any(bounds < _MIN_BOUND):
         raise ValueError(
             f"a bound of speed or acceleration is {bounds.min():g}; it must be at least "
@@ -88,30 +90,32 @@ def transition(
     Raises:
         StateError: no duration keeps the bounds.
     """
-    only_stops = np.isnan(target)
-    goal = np.where(only_stops, d, target)
+    is_stopping = np.isnan(target)
+    goal = np.where(is_stopping, d, target)
     distance, change = np.abs(goal - d), np.abs(target_rate - rate)
-    if max(np.max(distance, initial=0.0), np.max(change, initial=0.0)) <= SAME:
+    if max(np.max(distance, initial=0.0), np.max(change, initial=0.0)) <= OFFSET_TOLERANCE:
         return None, d
     duration = max(
         _MIN_DURATION,
         polynomial.minimum_jerk_duration(distance, bounds[0], bounds[1]),
         float(np.max(1.5 * change / bounds[1])),
     )
-    zero, allowed = np.zeros(len(d)), bounds * (1.0 + 1e-9)
+    zero_acceleration, tolerant_bounds = np.zeros(len(d)), bounds * (1.0 + 1e-9)
     end_speed = np.maximum(np.abs(rate), np.abs(target_rate))
-    for _ in range(_MAX_DURATIONS):
+    for _ in range(_MAX_TRIALS):
         # A coordinate that only stops covers half the distance of its first rate.
-        end = np.where(only_stops, d + 0.5 * duration * rate, goal)
+        end = np.where(is_stopping, d + 0.5 * duration * rate, goal)
         coef = polynomial.hermite(
-            np.full(len(d), duration), (d, rate, zero), (end, target_rate, zero)
+            np.full(len(d), duration),
+            (d, rate, zero_acceleration),
+            (end, target_rate, zero_acceleration),
         )
         speed, acceleration = piecewise.peaks(np.array([0.0, duration]), coef[None])[0]
-        if np.all(speed <= np.maximum(allowed[0], end_speed * 1.01)) and np.all(
-            acceleration <= allowed[1]
+        if np.all(speed <= np.maximum(tolerant_bounds[0], end_speed * 1.01)) and np.all(
+            acceleration <= tolerant_bounds[1]
         ):
             return (duration, coef), end
-        duration *= _DURATION_RATIO
+        duration *= _DURATION_GROWTH
     raise StateError(
         f"no transition shorter than {duration:.3g} s between two gestures keeps the bounds of "
         f"{bounds[0].min():g} m/s and {bounds[1].min():g} m/s^2"

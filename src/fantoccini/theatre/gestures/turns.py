@@ -56,20 +56,20 @@ def check_turns(table: CoordinateTable, breaks: Times, coef: Array) -> None:
     Raises:
         TurnError: a body turns farther.
     """
-    share = np.linspace(0.0, 1.0, _SAMPLES)
+    shares = np.linspace(0.0, 1.0, _SAMPLES)
     for name, (_, v) in table.rotations.items():
-        turn = coef[:, v : v + 3]
-        if not turn.any():
+        turn_coef = coef[:, v : v + 3]
+        if not turn_coef.any():
             continue
-        s = np.diff(breaks)[:, None] * share
-        phi = polynomial.evaluate(turn[:, None], s[..., None])[0]
+        s = np.diff(breaks)[:, None] * shares
+        phi = polynomial.evaluate(turn_coef[:, None], s[..., None])[0]
         angle = np.linalg.norm(phi, axis=-1)
         piece, k = np.unravel_index(int(np.argmax(angle)), angle.shape)
         if angle[piece, k] > MAX_TURN + _ROUNDING:
             raise TurnError(name, float(angle[piece, k]), float(breaks[piece] + s[piece, k]))
 
 
-def from_start(inputs: Input, h: Times) -> Array:
+def relative_to_start(inputs: Input, durations: Times) -> Array:
     """(n, n_vK, 6) coefficients with rotation vectors relative to the first orientation.
 
     They agree with the input in orientation, angular velocity and its rate at the ends of all
@@ -77,7 +77,7 @@ def from_start(inputs: Input, h: Times) -> Array:
 
     Args:
         inputs: motion.
-        h: (n,) durations of its pieces [s].
+        durations: (n,) durations of its pieces [s].
 
     Raises:
         StateError: a body turns by nearly 180 degrees or more.
@@ -85,15 +85,15 @@ def from_start(inputs: Input, h: Times) -> Array:
     table, coef = inputs.coordinates, np.array(inputs.coef)
     if not table.rotations:
         return coef
-    first = pieces.evaluate(table, inputs.coef, inputs.base, np.zeros(len(h)))
-    last = pieces.evaluate(table, inputs.coef, inputs.base, h)
+    start_state = pieces.evaluate(table, inputs.coef, inputs.base, np.zeros(len(durations)))
+    end_state = pieces.evaluate(table, inputs.coef, inputs.base, durations)
     for name, (q, v) in table.rotations.items():
-        start, turn = first[0][0, q : q + 4], slice(v, v + 3)
-        ends = []
-        for place, w, wdot in (first, last):
-            phi = rotation.between(start, place[:, q : q + 4])
-            ends.append((phi, *rotation.tangent_motion(phi, w[:, turn], wdot[:, turn])))
-        phi = np.array([end[0] for end in ends])
+        first_orientation, turn = start_state[0][0, q : q + 4], slice(v, v + 3)
+        end_motions = []
+        for q_K, w, wdot in (start_state, end_state):
+            phi = rotation.between(first_orientation, q_K[:, q : q + 4])
+            end_motions.append((phi, *rotation.tangent_motion(phi, w[:, turn], wdot[:, turn])))
+        phi = np.array([end_motion[0] for end_motion in end_motions])
         # A piece that passes pi comes back on the other side.
         passes = np.max(np.linalg.norm(phi[1] - phi[0], axis=-1)) > np.pi
         if passes or np.max(np.linalg.norm(phi, axis=-1)) > MAX_TURN:
@@ -101,31 +101,35 @@ def from_start(inputs: Input, h: Times) -> Array:
                 f"{name} turns too far from where it begins; a gesture turns by "
                 f"{np.degrees(MAX_TURN):.0f} deg at most"
             )
-        coef[:, turn] = polynomial.hermite(h[:, None], *ends)
+        coef[:, turn] = polynomial.hermite(durations[:, None], *end_motions)
     return coef
 
 
-def with_rotations(table: CoordinateTable, channels: Mapping[str, Channel]) -> dict[str, Channel]:
+def join_rotations(table: CoordinateTable, channels: Mapping[str, Channel]) -> dict[str, Channel]:
     """Channels in which the parts of each rotation vector are one channel; others stay.
 
     Args:
         table: names of the coordinates.
         channels: scalar coordinate, or part of a rotation vector (``bar.wy``) -> offsets.
     """
-    whole, upright = dict(channels), np.array([1.0, 0.0, 0.0, 0.0])
+    joined, identity = dict(channels), np.array([1.0, 0.0, 0.0, 0.0])
     for name, (_, v) in table.rotations.items():
-        own = [(i, whole.pop(part)) for i, part in enumerate(table.v_K[v : v + 3]) if part in whole]
-        if not own:
+        components = [
+            (i, joined.pop(component))
+            for i, component in enumerate(table.v_K[v : v + 3])
+            if component in joined
+        ]
+        if not components:
             continue
-        clock = pieces.clock([part.times for _, part in own])
-        coef = np.zeros((len(clock) - 1, 3, polynomial.N_COEF))
-        ends = np.zeros((2, 3, polynomial.N_COEF))
-        for i, part in own:
-            coef[:, i] = part.on(clock)[0][:, 0]
-            ends[:, i] = part.before[0][0], part.after[0][0]
-        base = np.tile(upright, (len(coef), 1))
-        whole[name] = Channel(clock, coef, base, (ends[0], upright), (ends[1], upright))
-    return whole
+        breaks = pieces.clock([component.times for _, component in components])
+        coef = np.zeros((len(breaks) - 1, 3, polynomial.N_COEF))
+        end_coef = np.zeros((2, 3, polynomial.N_COEF))
+        for i, component in components:
+            coef[:, i] = component.on(breaks)[0][:, 0]
+            end_coef[:, i] = component.before[0][0], component.after[0][0]
+        base = np.tile(identity, (len(coef), 1))
+        joined[name] = Channel(breaks, coef, base, (end_coef[0], identity), (end_coef[1], identity))
+    return joined
 
 
 def end_shift(table: CoordinateTable, end: VecK) -> VecK:

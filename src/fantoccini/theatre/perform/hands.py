@@ -23,7 +23,7 @@ from fantoccini.dynamics.compiled import check_step
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.model.tree import ChainRow
 from fantoccini.motion import State
-from fantoccini.theatre.gestures import ARM
+from fantoccini.theatre.gestures import TURN_RADIUS
 from fantoccini.theatre.perform import reach
 from fantoccini.theatre.perform.handle import (
     Handle,
@@ -38,7 +38,7 @@ from fantoccini.theatre.perform.player import TickOffsets
 class Limits(NamedTuple):
     """Bounds of hands."""
 
-    turning_radius: float = ARM
+    turning_radius: float = TURN_RADIUS
     """Distance from the axis at which the bounds of a translation apply to a rotation [m]."""
     min_length: float = 0.01
     """Shortest length of a driven string [m]."""

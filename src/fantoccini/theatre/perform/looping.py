@@ -11,7 +11,7 @@ import numpy as np
 from fantoccini.base import Array, ConfigK, VecK, polynomial, rotation
 from fantoccini.model.tree import CoordinateTable
 from fantoccini.motion import Input
-from fantoccini.theatre.gestures import ACCELERATION, SPEED, limits, transition
+from fantoccini.theatre.gestures import MAX_ACCELERATION, MAX_SPEED, motion_bounds, transition
 
 _MIN_TICKS = 6
 """Shortest way [ticks]."""
@@ -38,7 +38,7 @@ def return_motion(
     n = table.n_vK
     target, rate = _relative_to(table, end[0], start)
     transition_motion, _ = transition(
-        np.zeros(n), end[1], target, rate, limits(table, SPEED, ACCELERATION)
+        np.zeros(n), end[1], target, rate, motion_bounds(table, MAX_SPEED, MAX_ACCELERATION)
     )
     if transition_motion is None:
         return np.zeros((0, n))

@@ -244,7 +244,7 @@ class Performance:
             ValueError: the take is of another puppet.
         """
         check_same_puppet([self.marionette.coordinates, take.marionette.coordinates])
-        motion = without_lanes(Gesture.of_input(take.inputs, name="take"), armed)
+        motion = without_lanes(Gesture.from_input(take.inputs, name="take"), armed)
         with self._lock:
             self._targets.check_no_law()
             self._recorder.end("a take was begun")

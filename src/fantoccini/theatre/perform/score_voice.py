@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fantoccini.base import Array, MaskRows, VecK, polynomial
-from fantoccini.theatre.gestures import Conductor, Gesture, Score, at, transition
+from fantoccini.theatre.gestures import Conductor, Gesture, Score, piecewise, transition
 from fantoccini.theatre.perform.voice import Offsets
 
 _RAMP_TIME = 0.3
@@ -111,7 +111,7 @@ class ScoreVoice:
         self._pace, self._seek_time = 0.0, 0.0
         self._blends = [blend for blend in self._blends if blend.replaces_score]
         follows_score = ~self._is_replaced
-        score_offsets, _ = at(self._motion.breaks, self._motion.coef, t)
+        score_offsets, _ = piecewise.evaluate(self._motion.breaks, self._motion.coef, t)
         self._seek_motion, _ = transition(
             (self.offsets.d - self.shift[0]) * follows_score,
             (self.offsets.rate - self.shift[1]) * follows_score,
@@ -186,7 +186,7 @@ class ScoreVoice:
         old_pace, target_pace = self._pace, float(self.running)
         self._pace += float(np.clip(target_pace - old_pace, -tick / _RAMP_TIME, tick / _RAMP_TIME))
         t = self.conductor.advance(0.5 * (old_pace + self._pace) * tick)
-        d, rate = at(self._motion.breaks, self._motion.coef, t)
+        d, rate = piecewise.evaluate(self._motion.breaks, self._motion.coef, t)
         pace = 0.0 if self.conductor.standing else self._pace
         return d, pace * rate
 

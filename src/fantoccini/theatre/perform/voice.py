@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fantoccini.base import Array, VecK
-from fantoccini.theatre.gestures import SAME, Gesture, Line, Motion, at
+from fantoccini.theatre.gestures import OFFSET_TOLERANCE, Gesture, Motion, MotionSequence, piecewise
 
 _MAX_REST_RATE = 1e-9
 """Rate below which offsets count as at rest [m/s or rad/s]."""
@@ -34,7 +34,9 @@ class Offsets(NamedTuple):
     @property
     def is_home(self) -> bool:
         """Whether they are at rest at the origin of gestures."""
-        return bool(np.all(np.abs(self.d - self.origin_shift) <= SAME) and self.is_at_rest)
+        return bool(
+            np.all(np.abs(self.d - self.origin_shift) <= OFFSET_TOLERANCE) and self.is_at_rest
+        )
 
     @property
     def is_at_rest(self) -> bool:
@@ -81,7 +83,7 @@ class Voice:
         if t >= self._end:
             return self._final_offsets
         if self._cached is None or self._cached[0] != t:  # a tick begins where one has ended
-            d, rate = at(self._breaks, self._coef, t - self._begin)
+            d, rate = piecewise.evaluate(self._breaks, self._coef, t - self._begin)
             self._cached = t, Offsets(d, rate, self._origin_shift)
         return self._cached[1]
 
@@ -122,21 +124,21 @@ class Voice:
             line_from(self._final_offsets, self._bounds).stopped(), self._end, self._final_offsets
         )
 
-    def _set_line(self, line: Line, begin: float, offsets_before: Offsets) -> None:
+    def _set_line(self, line: MotionSequence, begin: float, offsets_before: Offsets) -> None:
         self._origin_shift, self._cached = offsets_before.origin_shift, None
         self._begin, self._end = begin, begin + line.end
         self._breaks, self._coef = line.motion.breaks, line.motion.coef
-        self._final_offsets = Offsets(line.d, line.rate, line.carried)
+        self._final_offsets = Offsets(line.d, line.rate, line.origin)
 
 
-def line_from(offsets: Offsets, bounds: Array) -> Line:
+def line_from(offsets: Offsets, bounds: Array) -> MotionSequence:
     """Line that continues from offsets."""
-    return Line.empty(bounds, offsets.d, offsets.rate, offsets.origin_shift)
+    return MotionSequence.empty(bounds, offsets.d, offsets.rate, offsets.origin_shift)
 
 
 def returning_motion(gesture: Gesture, offsets: Offsets) -> Motion:
     """Motion of a gesture that also returns all other coordinates to the origin of gestures."""
-    is_away = (np.abs(offsets.d - offsets.origin_shift) > SAME) | (
+    is_away = (np.abs(offsets.d - offsets.origin_shift) > OFFSET_TOLERANCE) | (
         np.abs(offsets.rate) > _MAX_REST_RATE
     )
     return gesture.motion._replace(named=gesture.named | is_away)

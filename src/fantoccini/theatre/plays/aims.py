@@ -8,9 +8,9 @@ import numpy as np
 
 from fantoccini.base import Array
 from fantoccini.theatre.cast import Cast, Footing, Places
-from fantoccini.theatre.gestures import CannotBe, Turn
+from fantoccini.theatre.gestures import CueError, PendingCue
 from fantoccini.theatre.plays.stage_state import StageState
-from fantoccini.theatre.script import PlayCue, Spot, TurnsToCue, WalkCue, spelled
+from fantoccini.theatre.script import PlayCue, Spot, TurnsToCue, WalkCue, file_key
 
 _EYE_HEIGHT = 0.42
 """Height of a player's face above the floor [m]."""
@@ -28,17 +28,17 @@ class Aims:
     def __init__(self, cast: Cast, places: Places):
         self._cast, self._places = cast, places
 
-    def goals(self, stage: StageState, turn: Turn[PlayCue], who: str) -> list[Footing]:
+    def goals(self, stage: StageState, turn: PendingCue[PlayCue], who: str) -> list[Footing]:
         """Goals of a walk in order: the places that it passes, and its own."""
-        entry, footing = turn.given, stage.actors[who].last_footing
+        entry, footing = turn.entry, stage.actors[who].last_footing
         if isinstance(entry, TurnsToCue):
             return [footing.facing(self._heading(stage, entry.turns_to, footing, turn, "turns to"))]
         assert isinstance(entry, WalkCue)
         goal_value = entry.verb_value
         spots: list[Spot] = [(*turn.spot, "past", i) for i in range(len(entry.past))]
-        spots.append((*turn.spot, spelled(entry.verb)))
+        spots.append((*turn.spot, file_key(entry.verb)))
         targets = [
-            self.place_of(stage, where, spot, turn.wanted)
+            self.place_of(stage, where, spot, turn.wanted_time)
             for where, spot in zip((*entry.past, goal_value), spots, strict=True)
         ]
         z = [footing.place, *(complex(place[0], place[1]) for place in targets)]
@@ -61,14 +61,14 @@ class Aims:
         stage: StageState,
         direction_value: float | str,
         footing: Footing,
-        turn: Turn[PlayCue],
+        turn: PendingCue[PlayCue],
         key: str,
     ) -> float:
         """Heading of a direction, or towards something, at a footing [rad]."""
         direction = self._places.direction(direction_value, (*turn.spot, key))
         if not isinstance(direction, str):
             return direction
-        target = self.place_of(stage, direction, (*turn.spot, key), turn.wanted)
+        target = self.place_of(stage, direction, (*turn.spot, key), turn.wanted_time)
         z = complex(target[0], target[1])
         return footing.towards(z) if abs(z - footing.place) > _SAME_PLACE else footing.heading
 
@@ -86,5 +86,5 @@ class Aims:
             return np.array([*marks[place].at, 0.0], dtype=float)
         midpoint = self._places.midpoint(place)
         if midpoint is None:
-            raise CannotBe(f"nothing is called {place!r}")
+            raise CueError(f"nothing is called {place!r}")
         return midpoint

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from fantoccini.theatre.cast import Actor, Corrections, Footing, Walk
-from fantoccini.theatre.gestures import CannotBe, Gesture, Step, Turn
+from fantoccini.theatre.gestures import CueError, Gesture, PendingCue, Step
 from fantoccini.theatre.plays.calming import NO_OFFSETS, calm_gesture
 from fantoccini.theatre.plays.player_gestures import PlayerGestures
 from fantoccini.theatre.plays.stage_state import StageState, after_walk, carry_pose
@@ -69,7 +69,7 @@ class Approaching:
             step: longest of the last steps, for legs of 26.4 cm [m].
 
         Raises:
-            CannotBe: the player has no way, or no room.
+            CueError: the player has no way, or no room.
         """
         carrying_side = stage.carries(who)
         actor = carry_pose(stage.actors[who].rested(), carrying_side, begin, self._gestures)
@@ -92,7 +92,7 @@ class Approaching:
                 act_start=act_start,
             )
             if walk is None:
-                raise CannotBe(reason)
+                raise CueError(reason)
             stage, free_time = self._walk(stage, actor, walk), walk.end
         return self.step_straight(stage, who, goal, free_time, ignored=ignored, step=step)
 
@@ -113,7 +113,7 @@ class Approaching:
             begin: time of the first step [s].
 
         Raises:
-            CannotBe: somebody is in the way, or the player's hands would leave their space.
+            CueError: somebody is in the way, or the player's hands would leave their space.
         """
         actor = stage.actors[who]
         distance = actor.last_footing.seen(goal.place).real
@@ -122,9 +122,9 @@ class Approaching:
         tracks = [(other.player, other.track()) for other in stage.others(who, ignored)]
         blocking_player = self._planner.in_the_way(actor.player, walk, tracks)
         if blocking_player is not None:
-            raise CannotBe(f"{who} has no room: {blocking_player} is in the way")
+            raise CueError(f"{who} has no room: {blocking_player} is in the way")
         if not self._planner.is_inside(actor.player, goal):
-            raise CannotBe(f"{who}'s hands would leave their space")
+            raise CueError(f"{who}'s hands would leave their space")
         return self._walk(stage, actor, walk)
 
     def _walk(self, stage: StageState, actor: Actor, walk: Walk) -> StageState:
@@ -143,7 +143,7 @@ class Approaching:
         return stage, start + turned_gesture.duration
 
     def calm(
-        self, stage: StageState, turn: Turn[PlayCue], begin: float, *names: str
+        self, stage: StageState, turn: PendingCue[PlayCue], begin: float, *names: str
     ) -> tuple[StageState, float]:
         """Stage after motions that damp swing, and the time at which the action can begin [s]."""
         for name in names:
@@ -167,13 +167,13 @@ class Approaching:
         """Nearest footing ahead (side 1) or behind (-1) that is clear of everything on the stage.
 
         Raises:
-            CannotBe: there is none up to 1 m away.
+            CueError: there is none up to 1 m away.
         """
         for distance in np.arange(min_distance, _MAX_DISTANCE, 0.02):
             candidate = Footing(*place_ahead(footing, side * float(distance)), footing.heading)
             if self._planner.is_clear(actor.player, candidate):
                 return candidate
-        raise CannotBe(f"{actor.player.name} has no room to step up to it")
+        raise CueError(f"{actor.player.name} has no room to step up to it")
 
     def behind(
         self, footing: Footing, actor: Actor, other_footing: Footing, other: Actor

@@ -50,7 +50,7 @@ def calm_gesture(marionette: Marionette, offsets: tuple[float, ...]) -> Gesture:
             axis_offsets = np.reshape(offsets, (2, -1))[axis]
             points = zip(_KNOTS.tolist(), axis_offsets.tolist(), strict=True)
             waypoints[name] = [(0.0, 0.0), *points, (DURATION, 0.0)]
-    return Gesture.of(marionette, waypoints, name="calm")
+    return Gesture.from_points(marionette, waypoints, name="calm")
 
 
 def calming_offsets(marionette: Marionette, x: State) -> tuple[float, ...]:

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 from fantoccini.base import OnProgress, Progress, StateError
 from fantoccini.theatre.cast import OutOfTime, ResultCache, with_settled_props
-from fantoccini.theatre.gestures import Part, Placed
+from fantoccini.theatre.gestures import CuePart, PlacedCue
 from fantoccini.theatre.plays.failures import find_failures
 from fantoccini.theatre.plays.handling import APPROACHES
 from fantoccini.theatre.plays.lateness_rules import advance_hands, mark_lateness, refuse_late
@@ -46,7 +46,7 @@ from fantoccini.theatre.script import (
     PropCue,
     SitsOnCue,
     Spot,
-    spelled,
+    file_key,
 )
 
 MAX_DELAY_ROUNDS = 10
@@ -223,7 +223,7 @@ def _correct_touches(
         cue = this_round.cue_during(touch.t, owners & {*cast.players})
         if cue is None:
             continue
-        corrections, entry = results.corrections, cue.given
+        corrections, entry = results.corrections, cue.entry
         delay = corrections.pauses.get(cue.spot, 0.0) + _EXTRA_DELAY
         approach = corrections.approach_indices.get(cue.spot, 0) + 1
         if may_delay and isinstance(entry, SitsOnCue) and approach < len(APPROACHES):
@@ -250,7 +250,7 @@ def _retry_touching(context: CompileContext, results: Results, report: OnProgres
     A refused cue is tried unchanged if a later one is refused, otherwise with a smaller gesture;
     the reason then contains a size that can be done.
     """
-    entry_of_cue = {cue.spot: cue.given for cue in context.script.timeline.cues}
+    entry_of_cue = {cue.spot: cue.entry for cue in context.script.timeline.cues}
     for spot in results.refused_by_touch[:_MAX_RETRIED_CUES]:
         entry = entry_of_cue[spot]
         sizes = _SMALLER_SIZE_FACTORS if isinstance(entry, DoesCue) else ()
@@ -371,9 +371,9 @@ def _passes(placement: Placement, spot: Spot, refused: Set[Spot]) -> str:
     return "; ".join(note for partner, note in notes if partner not in refused)
 
 
-def _cue(context: CompileContext, placed: Placed[PlayCue], passes: str) -> CueOfPlay:
+def _cue(context: CompileContext, placed: PlacedCue[PlayCue], passes: str) -> CueOfPlay:
     """Compiled cue of a placed one, with its notes on players that it passes."""
-    cue, entry, parts = placed.cue, placed.given, placed.parts
+    cue, entry, parts = placed.cue, placed.entry, placed.parts
     return CueOfPlay(
         cue.index + 1,
         context.script.cast.file.acts[cue.act].act,
@@ -381,10 +381,10 @@ def _cue(context: CompileContext, placed: Placed[PlayCue], passes: str) -> CueOf
         described(cue),
         cue.name,
         context.script.log.located.line(cue.spot) or 0,
-        placed.wanted,
+        placed.wanted_time,
         entry.patience * context.beat,
-        min((part.start for part in parts), default=placed.wanted),
-        max((part.end for part in parts), default=placed.wanted),
+        min((part.start for part in parts), default=placed.wanted_time),
+        max((part.end for part in parts), default=placed.wanted_time),
         entry.mark,
         entry.go,
         entry.says or "",
@@ -396,7 +396,7 @@ def _cue(context: CompileContext, placed: Placed[PlayCue], passes: str) -> CueOf
     )
 
 
-def _marks_of(parts: Sequence[Part], who: str) -> dict[str, float]:
+def _marks_of(parts: Sequence[CuePart], who: str) -> dict[str, float]:
     """Marks of a player in a cue, its beginning and its end [s]."""
     parts = [part for part in parts if part.who == who]
     marks = {mark: t for part in parts for mark, t in part.marks.items()}
@@ -410,20 +410,20 @@ def _rounds_in_words(n: int) -> str:
 
 def described(cue: Cue[PlayCue]) -> str:
     """Description of a cue: ``columbine and pierrot: walks to centre``."""
-    entry, verb, value = cue.given, cue.given.verb, cue.given.verb_value
+    entry, verb, value = cue.entry, cue.entry.verb, cue.entry.verb_value
     if isinstance(entry, DoesCue):
         return f"{' and '.join(cue.who)}: {value}"
     if isinstance(entry, PropCue):
-        other_keys = [key for key in VERBS[verb].names if key != verb]
+        other_keys = [key for key in VERBS[verb].name_kinds if key != verb]
         return " ".join(
             [
-                f"{entry.who[0]}: {spelled(verb)} {value}",
+                f"{entry.who[0]}: {file_key(verb)} {value}",
                 *(f"{key} {getattr(entry, key)}" for key in other_keys),
             ]
         )
     if not isinstance(value, (str, float)):
         value = [round(float(x), 3) for x in value]
-    return f"{' and '.join(cue.who)}: {spelled(verb)} {value}"
+    return f"{' and '.join(cue.who)}: {file_key(verb)} {value}"
 
 
 def _without_string_prefix(name: str) -> str:

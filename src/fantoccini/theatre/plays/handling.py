@@ -21,7 +21,7 @@ from fantoccini.theatre.cast import (
     prop_gestures,
     standing_pairs,
 )
-from fantoccini.theatre.gestures import CannotBe, Turn
+from fantoccini.theatre.gestures import CueError, PendingCue
 from fantoccini.theatre.plays import putting
 from fantoccini.theatre.plays.approaching import CALM_TIME, Approaching, place_ahead
 from fantoccini.theatre.plays.holdings import Hanging, Seated, Standing
@@ -72,7 +72,7 @@ class Handling:
         self._approaching = Approaching(planner, gestures, corrections)
 
     def do(
-        self, stage: StageState, turn: Turn[PlayCue], begin: float, max_wait: float
+        self, stage: StageState, turn: PendingCue[PlayCue], begin: float, max_wait: float
     ) -> tuple[StageState, Moments]:
         """Stage after a cue with a prop, and the cue's moments.
 
@@ -83,9 +83,9 @@ class Handling:
             max_wait: longest delay after it [s].
 
         Raises:
-            CannotBe: the cue cannot be done.
+            CueError: the cue cannot be done.
         """
-        match turn.given:
+        match turn.entry:
             case GivesCue() as given:
                 stage = self._gives(stage, turn, given, begin, max_wait)
             case SitsOnCue() as given:
@@ -101,20 +101,25 @@ class Handling:
             END: max(part.end for part in stage.parts),
         }
         for part in stage.parts:
-            moments.update({m: t for m, t in part.marks.items() if m in turn.cue.known})
+            moments.update({m: t for m, t in part.marks.items() if m in turn.cue.moment_names})
         return stage, moments
 
     # -- one verb each -----------------------------------------------------------------------
 
     def _gives(
-        self, stage: StageState, turn: Turn[PlayCue], given: GivesCue, begin: float, max_wait: float
+        self,
+        stage: StageState,
+        turn: PendingCue[PlayCue],
+        given: GivesCue,
+        begin: float,
+        max_wait: float,
     ) -> StageState:
         prop, (giver_name, receiver_name) = given.gives, turn.who
         giver, receiver = stage.actors[giver_name], stage.actors[receiver_name]
         held = stage.held(prop, giver_name)
         receiver_side = OTHER_SIDE[held.side]
         if (held_prop := stage.on_forearm(receiver_name, receiver_side)) is not None:
-            raise CannotBe(
+            raise CueError(
                 f"{given.to}'s {receiver_side} arm, which would take it, holds {held_prop}"
             )
         stage.check_stands(giver_name)
@@ -172,7 +177,7 @@ class Handling:
     def _sits(
         self,
         stage: StageState,
-        turn: Turn[PlayCue],
+        turn: PendingCue[PlayCue],
         given: SitsOnCue,
         begin: float,
         max_wait: float,
@@ -182,7 +187,7 @@ class Handling:
         stage.check_stands(who)
         for name, seated in stage.seated.items():
             if seated.seat == seat:
-                raise CannotBe(f"{name} sits on {seat}")
+                raise CueError(f"{name} sits on {seat}")
         middle, heading, height = self._seat(stage, seat, actor, turn)
         marionette, rest = actor.player.marionette, actor.player.rest_state
         sitting = self._compute(lambda: sit(marionette, "", seat, height, start=rest), actor)
@@ -204,13 +209,13 @@ class Handling:
         )
 
     def _stands_up(
-        self, stage: StageState, turn: Turn[PlayCue], given: StandsUpFromCue, begin: float
+        self, stage: StageState, turn: PendingCue[PlayCue], given: StandsUpFromCue, begin: float
     ) -> StageState:
         (who,) = turn.who
         seated = stage.seated.get(who)
         if seated is None or seated.seat != given.stands_up_from:
             posture = f"sits on {seated.seat}" if seated else "stands"
-            raise CannotBe(f"{who} does not sit on {given.stands_up_from}, but {posture}")
+            raise CueError(f"{who} does not sit on {given.stands_up_from}, but {posture}")
         actor = stage.actors[who].rested()
         start = max(begin, actor.hands.end)
         stage, end = self._approaching.perform(
@@ -224,7 +229,7 @@ class Handling:
     def _puts_down(
         self,
         stage: StageState,
-        turn: Turn[PlayCue],
+        turn: PendingCue[PlayCue],
         given: PutsDownCue,
         begin: float,
         max_wait: float,
@@ -259,7 +264,7 @@ class Handling:
     def _picks_up(
         self,
         stage: StageState,
-        turn: Turn[PlayCue],
+        turn: PendingCue[PlayCue],
         given: PicksUpCue,
         begin: float,
         max_wait: float,
@@ -267,13 +272,13 @@ class Handling:
         prop, (who,) = given.picks_up, turn.who
         actor, prop_place, side = stage.actors[who], stage.prop_places[prop], "right"
         if isinstance(prop_place, Hanging):
-            raise CannotBe(f"{prop_place.player} holds {prop}")
+            raise CueError(f"{prop_place.player} holds {prop}")
         if self._cast.props[prop].handle_height is None:
-            raise CannotBe(f"{prop} has no handle")
+            raise CueError(f"{prop} has no handle")
         if stage.on_forearm(who, side) is not None:
             side = OTHER_SIDE[side]
         if (held_prop := stage.on_forearm(who, side)) is not None:
-            raise CannotBe(f"{who}'s arms are not free: {held_prop} hangs there")
+            raise CueError(f"{who}'s arms are not free: {held_prop} hangs there")
         stage.check_stands(who)
         bottom = self._carried_bottom_height(actor, prop, side)
         putting_gesture = self._putting_gesture(
@@ -298,7 +303,7 @@ class Handling:
     # -- state -------------------------------------------------------------------------------
 
     def _damp_swing(
-        self, stage: StageState, turn: Turn[PlayCue], who: str
+        self, stage: StageState, turn: PendingCue[PlayCue], who: str
     ) -> tuple[StageState, float]:
         """Stage with a player's swing damped after its last motion, and the end of that [s]."""
         actor = stage.actors[who].rested()
@@ -308,12 +313,12 @@ class Handling:
         """Result of ``compute``.
 
         Raises:
-            CannotBe: the actor cannot do it.
+            CueError: the actor cannot do it.
         """
         try:
             return compute()
         except (InputError, ValueError) as error:
-            raise CannotBe(f"{actor.player.name} cannot do it: {error}") from None
+            raise CueError(f"{actor.player.name} cannot do it: {error}") from None
 
     def _table_stop(self, goal: Footing, actor: Actor) -> Footing:
         """Footing behind the place of handling at which the walk to a table ends."""
@@ -345,7 +350,7 @@ class Handling:
             pick_up: whether to pick it up.
 
         Raises:
-            CannotBe: the obstacle is too low or too high, or the player cannot do it.
+            CueError: the obstacle is too low or too high, or the player cannot do it.
         """
         physique = Physique.of(actor.player.marionette)
         lowest, highest = (
@@ -355,7 +360,7 @@ class Handling:
             fault, nearest_height = (
                 ("low", lowest + 5e-4) if top < lowest else ("high", highest - 5e-4)
             )
-            raise CannotBe(
+            raise CueError(
                 f"{on} is {top:.3f} m high, which is too {fault} for {actor.player.name}; needed: "
                 f"{lowest:.3f} to {highest:.3f} m, {nearest_height:.3f} m is nearest"
             )
@@ -380,12 +385,14 @@ class Handling:
         rise = Physique.of(marionette).arm_ratio(side) * putting.CARRY_RISE
         return prop_gestures.handle_place(marionette, side=side)[2] + rise - handle
 
-    def _elbow_distance(self, turn: Turn[PlayCue]) -> float | None:
+    def _elbow_distance(self, turn: PendingCue[PlayCue]) -> float | None:
         """Distance of the handle from the elbow, measured in an earlier round [m]."""
         measured = self._corrections.handle_positions.get(turn.spot)
         return None if measured is None else measured[0]
 
-    def _bottom_height(self, turn: Turn[PlayCue], actor: Actor, prop: str, held: Hanging) -> float:
+    def _bottom_height(
+        self, turn: PendingCue[PlayCue], actor: Actor, prop: str, held: Hanging
+    ) -> float:
         """Height of the bottom of a held prop, as measured in an earlier round if it was [m]."""
         measured = self._corrections.handle_positions.get(turn.spot)
         handle = self._cast.props[prop].handle_height
@@ -395,22 +402,22 @@ class Handling:
         return measured[1] - handle
 
     def _seat(
-        self, stage: StageState, name: str, actor: Actor, turn: Turn[PlayCue]
+        self, stage: StageState, name: str, actor: Actor, turn: PendingCue[PlayCue]
     ) -> tuple[complex, float, float]:
         """Middle of a seat [m], heading of a sitter [rad], and height of the seat [m]."""
         if name in stage.prop_places:
             prop_place, seat_height = stage.prop_places[name], self._cast.props[name].seat_height
             if isinstance(prop_place, Hanging):
-                raise CannotBe(f"{prop_place.player} holds {name}")
+                raise CueError(f"{prop_place.player} holds {name}")
             if seat_height is None:
-                raise CannotBe(f"{name} has no seat; needed: `seat:` of the prop")
+                raise CueError(f"{name} has no seat; needed: `seat:` of the prop")
             footing = self._corrections.prop_footings.get(turn.spot, prop_place.footing)
             return footing.place, footing.heading, prop_place.bottom_height + seat_height
         top_height = obstacle_top(self._cast.file, name)
         assert top_height is not None  # otherwise it is a mistake of the file
         middle = self._planner.middle(name)
         if middle is None:
-            raise CannotBe(f"{name} is too high to sit on: its top is at {top_height:.3g} m")
+            raise CueError(f"{name} is too high to sit on: its top is at {top_height:.3g} m")
         return (
             middle,
             Footing(middle.real, middle.imag).towards(actor.last_footing.place),

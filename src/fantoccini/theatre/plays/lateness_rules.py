@@ -9,10 +9,10 @@ import numpy as np
 
 from fantoccini.motion import Trajectory
 from fantoccini.theatre.cast import lane_name
-from fantoccini.theatre.gestures import Placed, Played, Score, lateness
+from fantoccini.theatre.gestures import PlacedCue, PlayedGesture, Score, measure_lateness
 from fantoccini.theatre.plays.placing import IN_TIME
 from fantoccini.theatre.plays.rounds import CompileContext, Results, Round, RuleResult
-from fantoccini.theatre.script import PlayCue, Spot, walks
+from fantoccini.theatre.script import PlayCue, Spot, is_walk
 
 _GOOD_LATENESS = 0.25 * IN_TIME
 """Lateness below which hands are not moved in time [s]."""
@@ -65,16 +65,16 @@ def refuse_late(
 
 def _limb_lateness(
     context: CompileContext, name: str, run: Trajectory, this_round: Round
-) -> list[tuple[float, Placed[PlayCue]]]:
+) -> list[tuple[float, PlacedCue[PlayCue]]]:
     """Lateness of a player's limbs on the marks in `on` [s], with the cues."""
-    cue_of_played: dict[int, Placed[PlayCue]] = {}
+    cue_of_played: dict[int, PlacedCue[PlayCue]] = {}
     played = []
     for cue in this_round.placement.cues:
-        for part in cue.parts if cue.given.mark and not walks(cue.given) else ():
+        for part in cue.parts if cue.entry.mark and not is_walk(cue.entry) else ():
             if part.who == name:
                 lane, name_of_cue = lane_name(part.who, part.lane), cue.cue.name
                 played.append(
-                    Played(lane, name_of_cue, part.start, part.end, part.marks, name_of_cue)
+                    PlayedGesture(lane, name_of_cue, part.start, part.end, part.marks, name_of_cue)
                 )
                 cue_of_played[id(played[-1])] = cue
     if not cue_of_played:
@@ -89,20 +89,20 @@ def _limb_lateness(
         lanes=this_round.placement.lane_motions[name],
     )
     seconds: dict[Spot, list[float]] = {}
-    for limb_lateness in lateness(score, run):
+    for limb_lateness in measure_lateness(score, run):
         cue = cue_of_played[id(limb_lateness.cue)]
-        if limb_lateness.mark == cue.given.mark:
+        if limb_lateness.mark == cue.entry.mark:
             seconds.setdefault(cue.spot, []).append(limb_lateness.seconds)
     result = []
     for cue in cue_of_played.values():
         mean_lateness = float(np.mean(seconds.get(cue.spot, [0.0]))) + _hand_lateness(cue, name)
         # A delay within the cue's patience does not count.
-        patience = cue.given.patience * context.beat
+        patience = cue.entry.patience * context.beat
         result.append((mean_lateness - min(max(mean_lateness, 0.0), patience), cue))
     return result
 
 
-def _hand_lateness(cue: Placed[PlayCue], name: str) -> float:
+def _hand_lateness(cue: PlacedCue[PlayCue], name: str) -> float:
     """Lateness of a player's hands on the mark in `on` [s]."""
     part = next(part for part in cue.parts if part.who == name)
-    return part.marks[cue.given.mark] - cue.wanted
+    return part.marks[cue.entry.mark] - cue.wanted_time

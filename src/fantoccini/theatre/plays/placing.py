@@ -24,17 +24,17 @@ from fantoccini.theatre.cast import (
     act_time_in_words,
 )
 from fantoccini.theatre.gestures import (
-    CannotBe,
+    CueError,
+    CuePart,
     Gesture,
     Hands,
-    Line,
-    Part,
-    Performed,
+    LatenessPolicy,
+    MotionSequence,
+    PendingCue,
+    PerformedScript,
     Performer,
-    Placed,
-    Policy,
-    Turn,
-    limits,
+    PlacedCue,
+    motion_bounds,
 )
 from fantoccini.theatre.plays.aims import Aims
 from fantoccini.theatre.plays.handling import Handling
@@ -42,9 +42,9 @@ from fantoccini.theatre.plays.player_gestures import PlayerGestures
 from fantoccini.theatre.plays.stage_state import StageState, after_walk, carry_pose
 from fantoccini.theatre.plays.walk_planner import WalkPlanner
 from fantoccini.theatre.script import (
-    ARRIVES,
+    ARRIVAL_MARK,
     END,
-    LATE,
+    LATENESS_TOLERANCE,
     START,
     VERBS,
     DoesCue,
@@ -57,13 +57,13 @@ from fantoccini.theatre.script import (
     Spot,
     Timeline,
     WalkCue,
-    spelled,
-    walks,
+    file_key,
+    is_walk,
 )
 
 IN_TIME = 1.0 / 60.0
 """Lateness up to which a cue counts as on time [s]."""
-_LATENESS_POLICY = Policy(IN_TIME, (CannotBe, UnknownNameError, *SIMULATION_ERRORS))
+_LATENESS_POLICY = LatenessPolicy(IN_TIME, (CueError, UnknownNameError, *SIMULATION_ERRORS))
 """Policy of plays: cues that are late or cannot be done are refused."""
 _MAX_TURN = 1e-3
 """Largest turn of a player during a gesture [rad]."""
@@ -88,7 +88,7 @@ class Placement:
         moments: keys of a cue or a time of the file -> its moments [s].
     """
 
-    cues: tuple[Placed[PlayCue], ...]
+    cues: tuple[PlacedCue[PlayCue], ...]
     act_starts: tuple[float, ...]
     motions: Mapping[str, Gesture]
     lane_motions: Mapping[str, Mapping[str, Gesture]]
@@ -119,20 +119,26 @@ def place_cues(
     bounds = cast.file.stage
     actors = {
         name: Actor(
-            player, Hands((Line.empty(_bounds_of(player, bounds.speed, bounds.acceleration)),))
+            player,
+            Hands((MotionSequence.empty(_bounds_of(player, bounds.speed, bounds.acceleration)),)),
         )
         for name, player in cast.players.items()
     }
     placer = _CuePlacer(cast, timeline, gestures, places, planner, corrections, log)
     performer = Performer(timeline, _LATENESS_POLICY, placer.do, refused=corrections.refusals)
-    performed: Performed[PlayCue, StageState] = Performed(StageState.at_start(cast, actors))
+    performed: PerformedScript[PlayCue, StageState] = PerformedScript(
+        StageState.at_start(cast, actors)
+    )
     act_starts, act_start = list[float](), 0.0
     for act_index, act_file in enumerate(cast.file.acts):
         act_start += act_file.after * log.beat
         act_starts.append(act_start)
-        performed = performer.act(performed, act_index, act_start)
+        performed = performer.perform_act(performed, act_index, act_start)
         act_start = max(
-            [act_start, *(performed.moments[cue.spot][END] for cue in timeline.of_act(act_index))]
+            [
+                act_start,
+                *(performed.moments[cue.spot][END] for cue in timeline.cues_of_act(act_index)),
+            ]
         )
     stage = performed.state
     actors = {name: actor.rested() for name, actor in stage.actors.items()}
@@ -175,12 +181,12 @@ class _CuePlacer:
         self._handling = Handling(cast, planner, gestures, corrections)
 
     def do(
-        self, stage: StageState, turn: Turn[PlayCue]
-    ) -> tuple[StageState, tuple[Part, ...], Moments]:
+        self, stage: StageState, turn: PendingCue[PlayCue]
+    ) -> tuple[StageState, tuple[CuePart, ...], Moments]:
         """Stage after a cue, the parts of its players, and its moments.
 
         Raises:
-            CannotBe: the cue cannot be done.
+            CueError: the cue cannot be done.
         """
         self._check_begin(turn)
         after, moments = self._after(replace(stage, parts=()), turn)
@@ -189,37 +195,38 @@ class _CuePlacer:
             try:
                 actor.hands.check_turns(table, stage.actors[name].hands)
             except StateError as error:
-                raise CannotBe(str(error)) from None
+                raise CueError(str(error)) from None
         return after, after.parts, moments
 
-    def _after(self, stage: StageState, turn: Turn[PlayCue]) -> tuple[StageState, Moments]:
+    def _after(self, stage: StageState, turn: PendingCue[PlayCue]) -> tuple[StageState, Moments]:
         """Stage after a cue, and the cue's moments."""
-        if isinstance(turn.given, PropCue):
+        if isinstance(turn.entry, PropCue):
             return self._do_with_prop(stage, turn)
         for name in turn.who:
             stage = self._do_alone(stage, turn, name)
         moments = {
-            moment: max(_moment(part, moment) for part in stage.parts) for moment in turn.cue.known
+            moment: max(_moment(part, moment) for part in stage.parts)
+            for moment in turn.cue.moment_names
         }
         return stage, moments
 
-    def _do_alone(self, stage: StageState, turn: Turn[PlayCue], name: str) -> StageState:
+    def _do_alone(self, stage: StageState, turn: PendingCue[PlayCue], name: str) -> StageState:
         """Stage after the part of one player in a cue without a prop."""
-        entry, t = turn.given, turn.wanted
+        entry, t = turn.entry, turn.wanted_time
         if stage.actors[name].is_off_stage and not isinstance(entry, EntersToCue):
-            raise CannotBe(f"{name} is off the stage")
-        if walks(entry):
+            raise CueError(f"{name} is off the stage")
+        if is_walk(entry):
             return self._walk_or_pass(stage, turn, name)
         mark_time = self._gesture(stage, turn, name, t).marks[entry.mark] if entry.mark else 0.0
         wanted, earliest = self._beginning(turn, name)
         return self._act(stage, turn, name, wanted - mark_time, earliest - mark_time)
 
-    def _beginning(self, turn: Turn[PlayCue], name: str) -> tuple[float, float]:
+    def _beginning(self, turn: PendingCue[PlayCue], name: str) -> tuple[float, float]:
         """Wanted beginning of a player's part, and the earliest one after its pause [s]."""
-        wanted = turn.wanted - self._corrections.leads.get((turn.spot, name), 0.0)
+        wanted = turn.wanted_time - self._corrections.leads.get((turn.spot, name), 0.0)
         return wanted, wanted + self._corrections.pauses.get(turn.spot, 0.0)
 
-    def _walk_or_pass(self, stage: StageState, turn: Turn[PlayCue], name: str) -> StageState:
+    def _walk_or_pass(self, stage: StageState, turn: PendingCue[PlayCue], name: str) -> StageState:
         """Stage after a walk.
 
         If a player blocks it whose own next walk begins before this one ends, that player gives
@@ -228,17 +235,17 @@ class _CuePlacer:
         """
         try:
             return self._walk(stage, turn, name)
-        except CannotBe as error:
+        except CueError as error:
             first_error = error
         for later in self._next_walks(turn):
             (other,) = later.who
             try:
                 after = self._walk(stage, turn, name, absent=other)
-                if later.wanted > after.actors[name].busy_until:
+                if later.wanted_time > after.actors[name].busy_until:
                     continue
                 next_walk = self._walk(after, later, other).actors[other].walks[-1]
                 leave_time = next_walk.begin if next_walk.steps else np.inf
-            except CannotBe:
+            except CueError:
                 continue
             actor, other_actor = after.actors[name], after.actors[other]
             track = other_actor.player, other_actor.track()
@@ -246,47 +253,54 @@ class _CuePlacer:
                 return after.with_pass(turn.spot, name, later.spot, other)
         raise first_error
 
-    def _next_walks(self, turn: Turn[PlayCue]) -> Iterator[Turn[PlayCue]]:
+    def _next_walks(self, turn: PendingCue[PlayCue]) -> Iterator[PendingCue[PlayCue]]:
         """Turns of the other players whose next cue in the act is a walk at a known time."""
         seen_players = {*turn.who}
-        for cue in self._timeline.of_act(turn.cue.act):
+        for cue in self._timeline.cues_of_act(turn.cue.act):
             if cue.spot in turn.moments or seen_players & {*cue.who}:
                 continue
             seen_players |= {*cue.who}
             is_known = all(reference in turn.moments for reference in self._timeline.needs(cue))
-            if is_known and len(cue.who) == 1 and walks(cue.given):
-                t = self._timeline.wanted(cue, turn.start, turn.moments)
+            if is_known and len(cue.who) == 1 and is_walk(cue.entry):
+                t = self._timeline.wanted_time(cue, turn.start, turn.moments)
                 if cue.spot not in self._corrections.refusals:
-                    yield replace(turn, cue=cue, wanted=t)
+                    yield replace(turn, cue=cue, wanted_time=t)
 
-    def _do_with_prop(self, stage: StageState, turn: Turn[PlayCue]) -> tuple[StageState, Moments]:
+    def _do_with_prop(
+        self, stage: StageState, turn: PendingCue[PlayCue]
+    ) -> tuple[StageState, Moments]:
         """Stage after a cue with a prop, and its moments."""
-        t = turn.wanted
+        t = turn.wanted_time
         for name in turn.who:
             if stage.actors[name].is_off_stage:
-                raise CannotBe(f"{name} is off the stage")
+                raise CueError(f"{name} is off the stage")
         begin = max(t + self._corrections.pauses.get(turn.spot, 0.0), turn.start)
-        max_wait = max((turn.given.may_wait or 0.0) * self._log.beat - (begin - t), 0.0)
+        max_wait = max((turn.entry.may_wait or 0.0) * self._log.beat - (begin - t), 0.0)
         stage, moments = self._handling.do(stage, turn, begin, max_wait)
         start = moments[START]
         self._check_time(turn, turn.who[-1], start - t, start)
         return stage, moments
 
-    def _check_begin(self, turn: Turn[PlayCue]) -> None:
+    def _check_begin(self, turn: PendingCue[PlayCue]) -> None:
         """Refuses a cue whose time is before its act, or before a GO that its act waits for."""
-        t, start, go_cue = turn.wanted, turn.start, self._timeline.gos.get(turn.spot)
-        if t < start - LATE:
+        t, start, go_cue = turn.wanted_time, turn.start, self._timeline.go_cues.get(turn.spot)
+        if t < start - LATENESS_TOLERANCE:
             begins = self._in_words(turn, start)
             lead = self._log.duration_in_words(start - t)
-            raise CannotBe(f"its time is {lead} before its act, which begins {begins}")
-        if go_cue is not None and t < turn.moments[go_cue.spot][START] - LATE:
+            raise CueError(f"its time is {lead} before its act, which begins {begins}")
+        if go_cue is not None and t < turn.moments[go_cue.spot][START] - LATENESS_TOLERANCE:
             line, go_time = self._log.located.line(go_cue.spot), turn.moments[go_cue.spot][START]
-            raise CannotBe(
+            raise CueError(
                 f"its time is before the GO of line {line}, {self._in_words(turn, go_time)}"
             )
 
     def _act(
-        self, stage: StageState, turn: Turn[PlayCue], name: str, wanted: float, earliest: float
+        self,
+        stage: StageState,
+        turn: PendingCue[PlayCue],
+        name: str,
+        wanted: float,
+        earliest: float,
     ) -> StageState:
         """Stage after a gesture in a free lane, turned to the player's heading at that time.
 
@@ -296,18 +310,18 @@ class _CuePlacer:
             earliest: earliest beginning [s].
 
         Raises:
-            CannotBe: the player turns during the gesture, or it would be late.
+            CueError: the player turns during the gesture, or it would be late.
         """
         actor, earliest = stage.actors[name], max(earliest, turn.start)
         gesture = self._gesture(stage, turn, name, earliest)
         lane, start = actor.hands.free_lane(gesture, earliest)
-        if start > earliest + LATE:
+        if start > earliest + LATENESS_TOLERANCE:
             gesture = self._gesture(stage, turn, name, start)
         heading = actor.footing_at(start).heading
         turn_angle = abs(actor.footing_at(start + gesture.duration).heading - heading)
         if turn_angle > _MAX_TURN:
             last_walk_end = max(walk.end for walk in actor.walks)
-            raise CannotBe(
+            raise CueError(
                 f"{name} turns by {np.degrees(turn_angle):.0f} deg meanwhile; the gesture "
                 f"can begin {self._in_words(turn, last_walk_end)}"
             )
@@ -318,7 +332,7 @@ class _CuePlacer:
     def _walk(
         self,
         stage: StageState,
-        turn: Turn[PlayCue],
+        turn: PendingCue[PlayCue],
         name: str,
         *,
         absent: str = "",
@@ -332,12 +346,12 @@ class _CuePlacer:
             not_before: earliest beginning [s].
 
         Raises:
-            CannotBe: there is no way in time.
+            CueError: there is no way in time.
         """
         stage.check_stands(name)
         wanted, begin = self._beginning(turn, name)
         begin = max(begin, not_before)
-        entry, actor = turn.given, stage.actors[name]
+        entry, actor = turn.entry, stage.actors[name]
         actor = replace(actor, hands=actor.hands.rested(0))
         arrival = begin if entry.mark else None
         carrying_side = stage.carries(name)
@@ -360,23 +374,23 @@ class _CuePlacer:
             act_start=turn.start,
         )
         if walk is None:
-            raise CannotBe(reason)
+            raise CueError(reason)
         n_standing = len(list(takewhile(lambda step: step.stands, walk.steps)))
         move_time = walk.begin + n_standing * walk.step_time
         if arrival is not None:
-            self._check_time(turn, name, abs(walk.end - turn.wanted), walk.end)
+            self._check_time(turn, name, abs(walk.end - turn.wanted_time), walk.end)
         else:
             self._check_time(turn, name, move_time - wanted, move_time)
         gesture_end = self._end_of_gestures_in_turn(actor, walk)
         if gesture_end is not None:
             self._check_time(turn, name, gesture_end - wanted, gesture_end)
             if arrival is not None:
-                raise CannotBe(f"{name} is busy until {self._in_words(turn, gesture_end)[3:]}")
+                raise CueError(f"{name} is busy until {self._in_words(turn, gesture_end)[3:]}")
             return self._walk(stage, turn, name, absent=absent, not_before=gesture_end)
         actor, gesture = after_walk(actor, walk, self._gestures, carrying_side)
         actor = replace(actor, is_off_stage=isinstance(entry, ExitsToCue))
         marks = {mark: t - (move_time - walk.begin) for mark, t in gesture.marks.items()}
-        marks[ARRIVES] = walk.end - move_time
+        marks[ARRIVAL_MARK] = walk.end - move_time
         return stage.with_part(actor, 0, gesture, move_time, marks, walk.end)
 
     def _end_of_gestures_in_turn(self, actor: Actor, walk: Walk) -> float | None:
@@ -384,14 +398,14 @@ class _CuePlacer:
         end_times = []
         for gesture in actor.hands.busy:
             begin, end = max(gesture.start, walk.begin), min(gesture.end, walk.end)
-            if begin < end - LATE:
+            if begin < end - LATENESS_TOLERANCE:
                 _, heading = walk.footing(np.linspace(begin, end, 9))
                 turn_angles = np.abs(heading - actor.footing_at(gesture.start).heading)
                 if np.max(turn_angles) > _MAX_TURN:
                     end_times.append(gesture.end)
         return max(end_times, default=None)
 
-    def _check_time(self, turn: Turn[PlayCue], name: str, delay: float, t: float) -> None:
+    def _check_time(self, turn: PendingCue[PlayCue], name: str, delay: float, t: float) -> None:
         """Refuses a cue that would be late.
 
         Args:
@@ -402,24 +416,26 @@ class _CuePlacer:
         beat = self._log.beat
 
         def reason() -> str:
-            verb = "arrive" if walks(turn.given) and turn.given.mark else "begin"
+            verb = "arrive" if is_walk(turn.entry) and turn.entry.mark else "begin"
             beats = np.ceil(10.0 * delay / beat) / 10.0
             return (
                 f"{name} cannot {verb} before {self._in_words(turn, t)[3:]}; `may wait: "
                 f"{beats:g}` allows it to be {beats:g} beats late"
             )
 
-        _LATENESS_POLICY.check(delay, turn.given.patience * beat, reason)
+        _LATENESS_POLICY.check(delay, turn.entry.patience * beat, reason)
 
-    def _in_words(self, turn: Turn[PlayCue], t: float) -> str:
+    def _in_words(self, turn: PendingCue[PlayCue], t: float) -> str:
         """Time in words, in beats of the cue's act."""
         return act_time_in_words(t, turn.start, self._log.beat)
 
     # -- gestures ----------------------------------------------------------------------------
 
-    def _gesture(self, stage: StageState, turn: Turn[PlayCue], name: str, t: float) -> Gesture:
+    def _gesture(
+        self, stage: StageState, turn: PendingCue[PlayCue], name: str, t: float
+    ) -> Gesture:
         """Gesture of a player that begins at a time [s]."""
-        entry, actor = turn.given, stage.actors[name]
+        entry, actor = turn.entry, stage.actors[name]
         player, footing = actor.player, actor.footing_at(t)
         try:
             if isinstance(entry, DoesCue):
@@ -427,7 +443,10 @@ class _CuePlacer:
                 size_factor = self._corrections.size_factors.get(turn.spot, 1.0)
                 style = replace(style, larger=style.larger * size_factor)
                 return self._gestures.gesture(player, entry, style, footing.heading)
-            cue_path, gesture_name = (*turn.spot, spelled(entry.verb)), VERBS[entry.verb].called
+            cue_path, gesture_name = (
+                (*turn.spot, file_key(entry.verb)),
+                VERBS[entry.verb].default_name,
+            )
             target = self._aims.place_of(stage, entry.verb_value, cue_path, t)
             gesture = self._gestures.aimed(player, gesture_name, target, footing)
             # Aim again from where player and target are when the gesture points.
@@ -435,10 +454,10 @@ class _CuePlacer:
             target = self._aims.place_of(stage, entry.verb_value, cue_path, t_pointing)
             return self._gestures.aimed(player, gesture_name, target, actor.footing_at(t_pointing))
         except StateError as error:
-            raise CannotBe(str(error)) from None
+            raise CueError(str(error)) from None
 
 
-def _moment(part: Part, moment: str) -> float:
+def _moment(part: CuePart, moment: str) -> float:
     """Time of a moment of a player's part [s]."""
     if moment == START:
         return part.start
@@ -449,4 +468,4 @@ def _moment(part: Part, moment: str) -> float:
 
 def _bounds_of(player: Player, speed: float, acceleration: float) -> Array:
     """(2, n_vK) bounds of speeds and accelerations of a player's hands."""
-    return limits(player.marionette.coordinates, speed, acceleration)
+    return motion_bounds(player.marionette.coordinates, speed, acceleration)

@@ -11,7 +11,7 @@ import numpy as np
 
 from fantoccini.base import Array, FileError, InputError, StateError, UnknownNameError, nearest
 from fantoccini.dynamics.marionette import Marionette
-from fantoccini.theatre.capture import bundled_clip, clip_names
+from fantoccini.theatre.capture import bundled_clip_path, clip_names
 from fantoccini.theatre.cast import (
     CLIP_SUFFIX,
     Cast,
@@ -30,12 +30,12 @@ from fantoccini.theatre.gestures import (
     Gesture,
     Step,
     Style,
-    bundled,
+    bundled_gesture_path,
     check_parts,
-    gesture_beside,
+    find_gesture_file,
     gesture_names,
     load_gesture,
-    steps,
+    step_gesture,
 )
 from fantoccini.theatre.script import (
     VERBS,
@@ -45,7 +45,7 @@ from fantoccini.theatre.script import (
     PointsAtCue,
     ScriptLog,
     Spot,
-    spelled,
+    file_key,
 )
 
 _STEP_TIME_RANGE = 0.5, 0.8
@@ -96,7 +96,7 @@ class PlayerGestures:
 
     def style(self, entry: DoesCue) -> Style:
         """Style of a cue."""
-        return Style.of(entry, self._log.beat)
+        return Style.from_cue(entry, self._log.beat)
 
     def gesture(self, player: Player, entry: DoesCue, style: Style, heading: float) -> Gesture:
         """Gesture of `does` for a player with a heading [rad].
@@ -160,7 +160,7 @@ class PlayerGestures:
                     player.marionette, pose, player.rest_state, "", walk_steps, step_time
                 )
             else:
-                gesture = steps(player.ends(), walk_steps, step_time)
+                gesture = step_gesture(player.ends(), walk_steps, step_time)
             self._cache[key] = gesture
         return _or_raise(self._cache[key])
 
@@ -188,11 +188,11 @@ class PlayerGestures:
             return gesture if isinstance(gesture, str) else ""
         try:
             if isinstance(entry, LooksAtCue | PointsAtCue):
-                check_parts(player.marionette, player.rest_state, VERBS[entry.verb].called)
+                check_parts(player.marionette, player.rest_state, VERBS[entry.verb].default_name)
             else:
                 player.ends()
         except (StateError, UnknownNameError) as error:
-            return f"{player.name} cannot do `{spelled(entry.verb)}`: {error}"
+            return f"{player.name} cannot do `{file_key(entry.verb)}`: {error}"
         return ""
 
     def _read(self, player: Player, name: str) -> Gesture | Clip | str:
@@ -206,16 +206,16 @@ class PlayerGestures:
         """Result of :meth:`_read`, without the cache."""
         known_names = (*gesture_names(), *clip_names())
         try:
-            path = gesture_beside(self._log.located, name, known_names, (CLIP_SUFFIX,))
+            path = find_gesture_file(self._log.located, name, known_names, (CLIP_SUFFIX,))
         except StateError as error:
             return str(error)
         if path is None and name in gesture_names():
-            if not bundled(name).is_file():
+            if not bundled_gesture_path(name).is_file():
                 verb = {"walk": "walks to"}.get(name, name)
                 return f"{name} needs a place: use `{verb}:`"
-            path = bundled(name)
+            path = bundled_gesture_path(name)
         if path is None and name in clip_names():
-            path = bundled_clip(name)
+            path = bundled_clip_path(name)
         if path is None:
             text = f"no file beside this one, and no bundled gesture or clip, is called {name!r}"
             return text + nearest(name, sorted({*known_names} - {*COMPUTED_GESTURES}))
@@ -242,7 +242,7 @@ class PlayerGestures:
                 loaded = loaded.gesture(larger, faster, lasts, stage, self._log.beat, self.cache)
                 style = replace(style, faster=1.0, lasts=None)  # which are those of the clip
             angle = heading - player.facing
-            _, varied = style.varied(
+            _, varied = style.apply(
                 loaded,
                 player.marionette,
                 heading=angle,

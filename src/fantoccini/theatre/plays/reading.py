@@ -21,8 +21,8 @@ from fantoccini.theatre.script import (
     Spot,
     Timeline,
     WalkCue,
+    file_key,
     read_script,
-    spelled,
 )
 
 _REPERTORY = Path(__file__).parent / "repertory"
@@ -104,8 +104,8 @@ def _check_cue_names(
         "seat": ("prop or obstacle", [*file.props, *obstacles]),
         "table": ("obstacle", obstacles),
     }
-    for key, kind in VERBS[cue.verb].names.items():
-        name, key_path = getattr(cue, key), (*spot, spelled(key))
+    for key, kind in VERBS[cue.verb].name_kinds.items():
+        name, key_path = getattr(cue, key), (*spot, file_key(key))
         if kind == "direction" and name is not None:
             places.direction(name, key_path)
         elif key == "past":
@@ -143,7 +143,7 @@ def _check_abilities(script: Script) -> None:
     """Records cues whose players lack strings or bodies, and walks to unreachable places."""
     cast, log, planner = script.cast, script.log, WalkPlanner(script.cast, script.log)
     for cue in script.timeline.cues:
-        entry, spot = cue.given, (*cue.spot, spelled(cue.given.verb))
+        entry, spot = cue.entry, (*cue.spot, file_key(cue.entry.verb))
         if entry.optional:
             continue
         places: list[tuple[Spot, object]] = []

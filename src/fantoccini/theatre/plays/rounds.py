@@ -24,7 +24,14 @@ from fantoccini.theatre.cast import (
     act_time_in_words,
     digest,
 )
-from fantoccini.theatre.gestures import Gesture, Motion, Part, Placed, limits, names_and_units
+from fantoccini.theatre.gestures import (
+    CuePart,
+    Gesture,
+    Motion,
+    PlacedCue,
+    motion_bounds,
+    names_and_units,
+)
 from fantoccini.theatre.plays.calming import NO_OFFSETS, calm_gesture, calming_offsets
 from fantoccini.theatre.plays.failures import find_failures, handle_position, standing_place
 from fantoccini.theatre.plays.placing import Placement, place_cues
@@ -32,11 +39,11 @@ from fantoccini.theatre.plays.reading import Script
 from fantoccini.theatre.plays.runs import Runs, excerpt, runs_of
 from fantoccini.theatre.plays.settling import MAX_FREE_PAUSE, best_pause
 from fantoccini.theatre.plays.walk_planner import WalkPlanner
-from fantoccini.theatre.script import LATE, VERBS, PlayCue, Spot, walks
+from fantoccini.theatre.script import LATENESS_TOLERANCE, VERBS, PlayCue, Spot, is_walk
 
 T = TypeVar("T")
 
-_MEASURED_PROPERTY = {verb.meets: verb.located for verb in VERBS.values()}
+_MEASURED_PROPERTY = {verb.meeting: verb.measured_property for verb in VERBS.values()}
 """Kind of meeting -> property of a prop that is measured before it."""
 
 PEAK_TOLERANCE = 2e-3
@@ -74,7 +81,7 @@ class Results:
     settling_pauses: Mapping[int, tuple[float, float, float]] = field(default_factory=dict)
     refused_by_touch: tuple[Spot, ...] = ()
 
-    def with_refusal(self, placed: Placed[PlayCue] | None, reason: str) -> Results | None:
+    def with_refusal(self, placed: PlacedCue[PlayCue] | None, reason: str) -> Results | None:
         """The results with a cue refused and the retry counts reset.
 
         None if there is no such cue, or it is refused already.
@@ -133,7 +140,7 @@ class Round:
         """Time in words, in beats of its act."""
         return _in_words(self.placement, t, self.beat)
 
-    def cue_during(self, t: float, owners: set[str]) -> Placed[PlayCue] | None:
+    def cue_during(self, t: float, owners: set[str]) -> PlacedCue[PlayCue] | None:
         """Cue of some players to which a time [s] belongs; None without one."""
         return _cue_during(self.placement.cues, t, owners)
 
@@ -211,7 +218,7 @@ def refuse_fast(context: CompileContext, results: Results, this_round: Round) ->
     stage_bounds, before = context.script.cast.file.stage, results
     for name, motion in this_round.placement.motions.items():
         table, peaks = motion.coordinates, motion.peaks_of_pieces
-        bounds_of_hands = limits(table, stage_bounds.speed, stage_bounds.acceleration)
+        bounds_of_hands = motion_bounds(table, stage_bounds.speed, stage_bounds.acceleration)
         for order, verb, time_unit in ((0, "moves at", "s"), (1, "changes by", "s^2")):
             ratios = peaks[:, order] / bounds_of_hands[order]
             piece, v = np.unravel_index(int(np.argmax(ratios)), ratios.shape)
@@ -301,9 +308,9 @@ def _damp_swing(context: CompileContext, results: Results, this_round: Round) ->
 def add_settling_pauses(context: CompileContext, results: Results, this_round: Round) -> RuleResult:
     """Computes pauses in which swing decays before cues that may be delayed."""
     jobs: dict[str, Callable[[], tuple[float, float, float]]] = {}
-    cues: dict[str, tuple[int, Placed[PlayCue]]] = {}
+    cues: dict[str, tuple[int, PlacedCue[PlayCue]]] = {}
     for number, cue in enumerate(this_round.placement.cues, 1):
-        max_duration = max_pause(cue.given, context.beat)
+        max_duration = max_pause(cue.entry, context.beat)
         if len(cue.parts) != 1 or max_duration <= 0.0:
             continue
         (part,) = cue.parts
@@ -336,7 +343,7 @@ def max_pause(entry: PlayCue, beat: float) -> float:
     return MAX_FREE_PAUSE if entry.is_free else 0.0
 
 
-def _separate_motion(placement: Placement, part: Part) -> tuple[float, Motion] | None:
+def _separate_motion(placement: Placement, part: CuePart) -> tuple[float, Motion] | None:
     """Earliest start of a part [s], and its motion from then; None if other parts overlap it."""
     other_parts = [
         other_part
@@ -352,23 +359,26 @@ def _separate_motion(placement: Placement, part: Part) -> tuple[float, Motion] |
         [0.0, *(other_part.end for other_part in other_parts if other_part.end <= part.start)]
     )
     motion = placement.motions[part.who]
-    if np.max(np.abs(motion.offsets(start)[1])) > LATE or part.end - start < LATE:
+    if (
+        np.max(np.abs(motion.offsets(start)[1])) > LATENESS_TOLERANCE
+        or part.end - start < LATENESS_TOLERANCE
+    ):
         return None
     return start, excerpt(motion, start, part.end)
 
 
 def _in_words(placement: Placement, t: float, beat: float) -> str:
     """Time in words, in beats of its act."""
-    start = max(act for act in (0.0, *placement.act_starts) if act <= t + LATE)
+    start = max(act for act in (0.0, *placement.act_starts) if act <= t + LATENESS_TOLERANCE)
     return act_time_in_words(t, start, beat)
 
 
 def _cue_during(
-    cues: Sequence[Placed[PlayCue]], t: float, owners: set[str]
-) -> Placed[PlayCue] | None:
+    cues: Sequence[PlacedCue[PlayCue]], t: float, owners: set[str]
+) -> PlacedCue[PlayCue] | None:
     """Last of the cues in progress at a time [s]; a gesture takes precedence over a walk."""
     candidates = [
-        (not walks(cue.given), part.start, -i, cue)
+        (not is_walk(cue.entry), part.start, -i, cue)
         for i, cue in enumerate(cues)
         for part in cue.parts
         if part.who in owners and part.start - _MARGIN_TIME <= t <= part.end + _MARGIN_TIME

@@ -373,7 +373,7 @@ def _part_boundaries(motion: Gesture, starts: Sequence[float]) -> list[float]:
 def excerpt(gesture: Gesture, begin: float, end: float) -> Motion:
     """Motion of a gesture between two times [s], with offsets of 0 at its beginning."""
     breaks_with_ends = np.union1d(gesture.breaks, [begin, end])
-    coef = piecewise.on(gesture.breaks, gesture.coef, breaks_with_ends)
+    coef = piecewise.refine(gesture.breaks, gesture.coef, breaks_with_ends)
     inside = (breaks_with_ends[:-1] >= begin) & (breaks_with_ends[:-1] < end)
     breaks, coef = np.append(breaks_with_ends[:-1][inside], end), coef[inside]
     coef[:, :, 0] -= coef[0, :, 0]

@@ -9,8 +9,8 @@ from fantoccini.theatre.cast import Cast, gesture_in_scene, lane_name
 from fantoccini.theatre.gestures import (
     Caption,
     Gesture,
-    Placed,
-    Played,
+    PlacedCue,
+    PlayedGesture,
     Score,
     Sound,
     Wait,
@@ -23,7 +23,7 @@ def stage_score(
     cast: Cast,
     motions: Mapping[str, Gesture],
     lanes: Mapping[str, Mapping[str, Gesture]],
-    cues: Sequence[Placed[PlayCue]],
+    cues: Sequence[PlacedCue[PlayCue]],
     log: ScriptLog,
 ) -> Score:
     """Score of the whole stage, with the motions of all players.
@@ -53,18 +53,18 @@ def stage_score(
         for part in placed_cue.parts:
             name = cue.name if len(cue.who) == 1 else f"{cue.name} {part.who}"
             lane = lane_name(part.who, part.lane)
-            score_cues.append(Played(lane, cue.name, part.start, part.end, part.marks, name))
+            score_cues.append(PlayedGesture(lane, cue.name, part.start, part.end, part.marks, name))
         if not placed_cue.parts:
             continue
         start = min(part.start for part in placed_cue.parts)
-        if cue.given.says is not None:
+        if cue.entry.says is not None:
             end = max(part.end for part in placed_cue.parts)
             # Only the player that handles the prop speaks.
-            who = cue.given.who if isinstance(cue.given, PropCue) else cue.who
+            who = cue.entry.who if isinstance(cue.entry, PropCue) else cue.who
             speaker = " and ".join(who)
-            captions.append(Caption(start, max(end, start + 1.0), cue.given.says, speaker))
-        if cue.given.go:
-            waits.append(Wait(f"cue {cue_number}", min(start, placed_cue.wanted)))
+            captions.append(Caption(start, max(end, start + 1.0), cue.entry.says, speaker))
+        if cue.entry.go:
+            waits.append(Wait(f"cue {cue_number}", min(start, placed_cue.wanted_time)))
     sounds = sounds_of(file, log)
     marks = {name: beat * log.beat for name, beat in file.times.items()}
     return Score(

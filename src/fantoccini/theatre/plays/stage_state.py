@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from fantoccini.base import StateError, UnknownNameError
 from fantoccini.model.puppet import FLOOR
 from fantoccini.theatre.cast import Actor, Cast, ContactBodies, Meeting, Pair, Walk
-from fantoccini.theatre.gestures import CannotBe, Gesture, Part, Turn
+from fantoccini.theatre.gestures import CueError, CuePart, Gesture, PendingCue
 from fantoccini.theatre.plays.holdings import Hanging, Seated, Standing
 from fantoccini.theatre.plays.player_gestures import PlayerGestures
 from fantoccini.theatre.script import VERBS, PlayCue, Spot
@@ -37,7 +37,7 @@ class StageState:
     past_meetings: tuple[Meeting, ...] = ()
     damping_times: Mapping[tuple[Spot, str], float] = field(default_factory=dict)
     pass_notes: Mapping[Spot, tuple[tuple[Spot, str], ...]] = field(default_factory=dict)
-    parts: tuple[Part, ...] = ()
+    parts: tuple[CuePart, ...] = ()
 
     @classmethod
     def at_start(cls, cast: Cast, actors: Mapping[str, Actor]) -> StageState:
@@ -80,7 +80,7 @@ class StageState:
         """A prop that hangs on a player's forearm.
 
         Raises:
-            CannotBe: the prop is elsewhere.
+            CueError: the prop is elsewhere.
         """
         place = self.prop_places[prop]
         if isinstance(place, Hanging) and place.player == who:
@@ -88,13 +88,13 @@ class StageState:
         actual_place = (
             f"{place.player} holds it" if isinstance(place, Hanging) else f"it stands on {place.on}"
         )
-        raise CannotBe(f"{who} does not hold {prop}: {actual_place}")
+        raise CueError(f"{who} does not hold {prop}: {actual_place}")
 
     def check_stands(self, who: str) -> None:
-        """Raises CannotBe if a player sits, so that it cannot walk."""
+        """Raises CueError if a player sits, so that it cannot walk."""
         if who in self.seated:
             seat = self.seated[who].seat
-            raise CannotBe(f"{who} sits on {seat}; needed before: `stands up from`")
+            raise CueError(f"{who} sits on {seat}; needed before: `stands up from`")
 
     def bodies(self, who: str) -> ContactBodies:
         """Bodies of a player that touch props and seats."""
@@ -131,7 +131,7 @@ class StageState:
         end = start + gesture.duration if end is None else end
         relative_marks = gesture.marks if marks is None else marks
         mark_times = {mark: start + t for mark, t in relative_marks.items()}
-        part = Part(actor.player.name, lane, gesture, start, end, mark_times)
+        part = CuePart(actor.player.name, lane, gesture, start, end, mark_times)
         actor = replace(actor, busy_until=max(actor.busy_until, end))
         return replace(self.with_actor(actor), parts=(*self.parts, part))
 
@@ -165,10 +165,10 @@ class StageState:
         return replace(self, past_meetings=(*self.past_meetings, *meetings))
 
     def with_contact(
-        self, turn: Turn[PlayCue], prop: str, pairs: frozenset[Pair], start: float, end: float
+        self, turn: PendingCue[PlayCue], prop: str, pairs: frozenset[Pair], start: float, end: float
     ) -> StageState:
         """Stage with a meeting of the cue's players and a prop [s]."""
-        kind = VERBS[turn.given.verb].meets
+        kind = VERBS[turn.entry.verb].meeting
         assert kind is not None
         return self.with_meetings(Meeting(start, end, turn.who, (prop,), pairs, kind, turn.spot))
 
@@ -189,7 +189,7 @@ def carry_pose(actor: Actor, side: str, begin: float, gestures: PlayerGestures) 
         gestures: gestures with the pose.
 
     Raises:
-        CannotBe: it lacks a part of the body, or its strings are not driven.
+        CueError: it lacks a part of the body, or its strings are not driven.
     """
     line = actor.hands.lanes[0]
     if not side:
@@ -197,12 +197,12 @@ def carry_pose(actor: Actor, side: str, begin: float, gestures: PlayerGestures) 
     try:
         pose = actor.player.turned(gestures.pose(actor.player, side), actor.last_footing.heading)
     except (StateError, UnknownNameError) as error:
-        raise CannotBe(f"{actor.player.name} cannot carry it: {error}") from None
-    pose_offsets, present_offsets = pose.ends[0][1][pose.named], (line.d - line.carried)[pose.named]
+        raise CueError(f"{actor.player.name} cannot carry it: {error}") from None
+    pose_offsets, present_offsets = pose.ends[0][1][pose.named], (line.d - line.origin)[pose.named]
     if abs(pose_offsets - present_offsets).max() <= POSE_TOLERANCE:
         return actor
     hands, continued = actor.hands.add(0, pose, max(begin, line.end))
-    lanes = (continued.line.stopped(), *hands.lanes[1:])
+    lanes = (continued.sequence.stopped(), *hands.lanes[1:])
     return replace(actor, hands=replace(hands, lanes=lanes))
 
 
@@ -218,7 +218,7 @@ def after_walk(
         carrying_side: side of the forearm on which something hangs.
 
     Raises:
-        CannotBe: it lacks a part of the body, or its strings are not driven.
+        CueError: it lacks a part of the body, or its strings are not driven.
     """
     if not walk.steps:
         gesture = Gesture.rest(actor.player.marionette, 1e-3, everything=False)
@@ -226,7 +226,7 @@ def after_walk(
     try:
         steps = gestures.walk(actor.player, walk.steps, walk.step_time, carrying_side)
     except (StateError, UnknownNameError) as error:
-        raise CannotBe(f"{actor.player.name} cannot walk: {error}") from None
+        raise CueError(f"{actor.player.name} cannot walk: {error}") from None
     gesture = actor.player.turned(steps, walk.start.heading)
     hands, _ = actor.hands.add(0, gesture, walk.begin)
     return replace(actor, hands=hands, walks=(*actor.walks, walk)), gesture

@@ -13,7 +13,7 @@ from fantoccini.base import FileError
 from fantoccini.dynamics.clearance import StringsApart, Winding
 from fantoccini.motion import EventKind, Trajectory
 from fantoccini.theatre.cast import CannotBegin, OutOfTime, Stop
-from fantoccini.theatre.gestures import lateness, limits, names_and_units
+from fantoccini.theatre.gestures import measure_lateness, motion_bounds, names_and_units
 from fantoccini.theatre.plays.failures import find_failures
 from fantoccini.theatre.plays.leashes import find_stretches
 from fantoccini.theatre.plays.placing import IN_TIME
@@ -21,7 +21,7 @@ from fantoccini.theatre.plays.play import CueOfPlay, Play
 from fantoccini.theatre.plays.rounds import PEAK_TOLERANCE
 from fantoccini.theatre.plays.stage_run import combine_runs
 from fantoccini.theatre.plays.touching import SAMPLE_STRIDE, Touch, find_touches
-from fantoccini.theatre.script import LATE, START
+from fantoccini.theatre.script import LATENESS_TOLERANCE, START
 
 _MAX_REST_RATE = 1e-6
 """Rate below which hands count as at rest [m/s or rad/s]."""
@@ -203,7 +203,7 @@ def _stop_in_words(play: Play, stop: Stop) -> str:
     if not starts:
         return sentence
     starts.sort(key=lambda start: start[0])
-    begun = [cue for t, cue in starts if t <= stop.t + LATE]
+    begun = [cue for t, cue in starts if t <= stop.t + LATENESS_TOLERANCE]
     cue = begun[-1] if begun else starts[0][1]
     return f"line {cue.line}: {cue.description}: {sentence}"
 
@@ -212,7 +212,7 @@ def cue_times(play: Play, run: Trajectory) -> tuple[CueTime, ...]:
     """Times of all cues that are done, in a run of the play."""
     limb_lateness: dict[tuple[int, str], list[float]] = {}
     cue_and_player = {id(cue): part for cue, part in zip(play.score.cues, play.parts, strict=True)}
-    for limb_lateness_of_cue in lateness(play.score, run):
+    for limb_lateness_of_cue in measure_lateness(play.score, run):
         cue_number, who = cue_and_player[id(limb_lateness_of_cue.cue)]
         if limb_lateness_of_cue.mark == play.cues[cue_number - 1].mark:
             limb_lateness.setdefault((cue_number, who), []).append(limb_lateness_of_cue.seconds)
@@ -238,7 +238,7 @@ def cue_times(play: Play, run: Trajectory) -> tuple[CueTime, ...]:
 def _hand_peaks(play: Play) -> tuple[dict[str, tuple[float, float, float, float]], list[str]]:
     """Largest speeds and accelerations of the hands, and violations of their bounds."""
     score, table = play.score, play.marionette.coordinates
-    bounds = limits(table, score.speed, score.acceleration)
+    bounds = motion_bounds(table, score.speed, score.acceleration)
     peaks = score.gesture.peaks
     peaks_and_bounds, faults = {}, []
     for v in np.flatnonzero(score.gesture.named):

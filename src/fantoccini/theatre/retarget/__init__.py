@@ -1,19 +1,19 @@
 """Retargeting: hanging poses and motions of a puppet nearest to a captured clip."""
 
-from fantoccini.theatre.retarget.deviations import Loss, PartError
+from fantoccini.theatre.retarget.deviations import PartError, PartLoss
 from fantoccini.theatre.retarget.drafting import draft_mapping
 from fantoccini.theatre.retarget.figure import Figure, figure_of
 from fantoccini.theatre.retarget.following import (
-    ACCELERATION,
+    MAX_ACCELERATION,
     MAX_ERROR,
-    SPEED,
-    Followed,
+    MAX_SPEED,
+    FollowResult,
     FollowStatus,
     follow_clip,
 )
 from fantoccini.theatre.retarget.gesturing import (
-    BEGINS,
-    OVER,
+    CLIP_END_MARK,
+    CLIP_START_MARK,
     ClipGesture,
     TooShortError,
     clip_gesture,
@@ -23,40 +23,40 @@ from fantoccini.theatre.retarget.mapping import (
     DOUBTFUL,
     PARTS,
     MappingFile,
-    Recognised,
+    RecognisedJoints,
     find_mapping,
     load_mapping,
     mapping_names,
     mapping_schema,
     recognise,
 )
-from fantoccini.theatre.retarget.placing import Placing
+from fantoccini.theatre.retarget.placing import PartTargets
 from fantoccini.theatre.retarget.retargeting import (
     PlacedClip,
-    Retargeted,
+    RetargetedClip,
     place_clip,
     retarget_clip,
 )
 
 __all__ = [
-    "ACCELERATION",
-    "BEGINS",
+    "CLIP_END_MARK",
+    "CLIP_START_MARK",
     "DOUBTFUL",
+    "MAX_ACCELERATION",
     "MAX_ERROR",
-    "OVER",
+    "MAX_SPEED",
     "PARTS",
-    "SPEED",
     "ClipGesture",
     "Figure",
+    "FollowResult",
     "FollowStatus",
-    "Followed",
-    "Loss",
     "MappingFile",
     "PartError",
+    "PartLoss",
+    "PartTargets",
     "PlacedClip",
-    "Placing",
-    "Recognised",
-    "Retargeted",
+    "RecognisedJoints",
+    "RetargetedClip",
     "TooShortError",
     "clip_gesture",
     "draft_mapping",

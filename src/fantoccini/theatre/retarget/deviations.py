@@ -9,9 +9,9 @@ import numpy as np
 
 from fantoccini.base import Array, Times
 from fantoccini.motion import Trajectory
-from fantoccini.theatre.retarget.retargeting import WEIGHTS, Retargeted, places_in
+from fantoccini.theatre.retarget.retargeting import PART_WEIGHTS, RetargetedClip, part_positions
 
-GROUPS = {
+PART_GROUPS = {
     "hands": ("hand_left", "hand_right"),
     "head": ("head",),
     "feet": ("foot_left", "foot_right"),
@@ -30,45 +30,48 @@ class PartError:
 
     Attributes:
         name: name of the group.
-        reach: error of the hanging poses nearest to the clip, the least possible one.
-        run: error of the run.
-        largest: largest error of the run at any time.
-        excess: difference of ``run`` and ``reach``, relative to the puppet's height.
+        pose_error: error of the hanging poses nearest to the clip, the least possible one.
+        run_error: error of the run.
+        max_run_error: largest error of the run at any time.
+        excess: difference of ``run_error`` and ``pose_error``, relative to the puppet's height.
     """
 
     name: str
-    reach: float
-    run: float
-    largest: float
+    pose_error: float
+    run_error: float
+    max_run_error: float
     excess: float
 
 
-def places_of(retargeted: Retargeted, run: Trajectory, t: Times) -> dict[str, Array]:
+def run_positions(retargeted: RetargetedClip, run: Trajectory, t: Times) -> dict[str, Array]:
     """Part -> (T, 3) position in a run at times of the clip's frames, up to the run's end [m]."""
     run = run.resample(np.clip(t, run.t[0], run.t[-1]))
-    return places_in(retargeted.figure, retargeted.marionette.poses(run.q_D, run.q_K))
+    return part_positions(retargeted.figure, retargeted.marionette.poses(run.q_D, run.q_K))
 
 
-def errors_of(retargeted: Retargeted, run: Trajectory, t: Times) -> dict[str, Array]:
+def part_errors(retargeted: RetargetedClip, run: Trajectory, t: Times) -> dict[str, Array]:
     """Part -> (T,) distance of a run from the clip [m]."""
-    places, wanted = places_of(retargeted, run, t), retargeted.places.parts
-    return {part: np.linalg.norm(places[part] - wanted[part], axis=1) for part in WEIGHTS}
+    positions, targets = run_positions(retargeted, run, t), retargeted.targets.parts
+    return {part: np.linalg.norm(positions[part] - targets[part], axis=1) for part in PART_WEIGHTS}
 
 
-def report_of(retargeted: Retargeted, errors: Mapping[str, Array]) -> tuple[PartError, ...]:
+def group_errors(retargeted: RetargetedClip, errors: Mapping[str, Array]) -> tuple[PartError, ...]:
     """Errors of hands, head, feet and trunk, from those of the parts."""
-    part_errors = []
-    for name, parts in GROUPS.items():
-        run = np.stack([errors[part] for part in parts])
-        reach = np.stack([retargeted.errors[part] for part in parts])
-        a, b = (float(np.sqrt(np.mean(np.square(e)))) for e in (reach, run))
-        excess = (b - a) / retargeted.figure.height
-        part_errors.append(PartError(name, a, b, float(run.max()), excess))
-    return tuple(part_errors)
+    groups = []
+    for name, parts in PART_GROUPS.items():
+        run_errors = np.stack([errors[part] for part in parts])
+        pose_errors = np.stack([retargeted.errors[part] for part in parts])
+        pose_error, run_error = (
+            float(np.sqrt(np.mean(np.square(errors_of_parts))))
+            for errors_of_parts in (pose_errors, run_errors)
+        )
+        excess = (run_error - pose_error) / retargeted.figure.height
+        groups.append(PartError(name, pose_error, run_error, float(run_errors.max()), excess))
+    return tuple(groups)
 
 
 @dataclass(frozen=True)
-class Loss:
+class PartLoss:
     """Time in which a part is much farther from the clip than its hanging pose.
 
     Attributes:
@@ -89,31 +92,31 @@ class Loss:
         )
 
 
-def losses_of(
-    t: Times, errors: Mapping[str, Array], hanging: Mapping[str, Array], allowed: float
-) -> tuple[Loss, ...]:
+def find_losses(
+    t: Times, errors: Mapping[str, Array], pose_errors: Mapping[str, Array], max_excess: float
+) -> tuple[PartLoss, ...]:
     """Losses of all parts, in order of their beginnings.
 
     Args:
         t: (T,) times of the frames [s].
         errors: part -> (T,) distance of the run from the clip [m].
-        hanging: part -> (T,) distance of the hanging poses from the clip [m].
-        allowed: largest excess of a run's distance over that of the hanging pose [m].
+        pose_errors: part -> (T,) distance of the hanging poses from the clip [m].
+        max_excess: largest excess of a run's distance over that of the hanging pose [m].
     """
     losses = []
     for part, distance in errors.items():
-        away = np.concatenate([[False], distance - hanging[part] > allowed, [False]])
-        edges = np.flatnonzero(np.diff(away.astype(int)))
-        for first, after in edges.reshape(-1, 2).tolist():
-            begin, end = float(t[first]), float(t[after - 1])
+        is_lost = np.concatenate([[False], distance - pose_errors[part] > max_excess, [False]])
+        edges = np.flatnonzero(np.diff(is_lost.astype(int)))
+        for start, stop in edges.reshape(-1, 2).tolist():
+            begin, end = float(t[start]), float(t[stop - 1])
             if end - begin >= MIN_LOSS_TIME:
-                losses.append(Loss(part, begin, end, float(np.max(distance[first:after]))))
+                losses.append(PartLoss(part, begin, end, float(np.max(distance[start:stop]))))
     return tuple(sorted(losses, key=lambda loss: loss.begin))
 
 
-def lost_share(losses: tuple[Loss, ...], duration: float) -> float:
+def lost_share(losses: tuple[PartLoss, ...], duration: float) -> float:
     """Largest share of a duration [s] in which one part is lost."""
-    lost: dict[str, float] = {}
+    lost_times: dict[str, float] = {}
     for loss in losses:
-        lost[loss.part] = lost.get(loss.part, 0.0) + loss.end - loss.begin
-    return max(lost.values(), default=0.0) / duration
+        lost_times[loss.part] = lost_times.get(loss.part, 0.0) + loss.end - loss.begin
+    return max(lost_times.values(), default=0.0) / duration

@@ -67,8 +67,8 @@ def _indented(skeleton: Skeleton) -> Iterator[str]:
 
 def _puppet_lines(marionette: Marionette) -> list[str]:
     """Lines of the puppet's bodies; none if their names are those of the bundled marionette."""
-    names = [link.name for link in marionette.tree.links if link.role is Role.DYNAMIC]
-    if all(body_file.body in names for body_file in BUNDLED_BODIES.values()):
+    body_names = [link.name for link in marionette.tree.links if link.role is Role.DYNAMIC]
+    if all(body_file.body in body_names for body_file in BUNDLED_BODIES.values()):
         return []
     try:
         bodies = bodies_of_map(marionette)
@@ -82,7 +82,7 @@ def _puppet_lines(marionette: Marionette) -> list[str]:
         body_file = bodies[part]
         end = "" if body_file.end is None else f", end: [{_numbers(body_file.end)}]"
         lines.append(f"  {part}: {{body: {_quoted(body_file.body)}{end}}}")
-    return [*lines, "", "# All bodies:", *(f"#   {body}" for body in names)]
+    return [*lines, "", "# All bodies:", *(f"#   {body}" for body in body_names)]
 
 
 def _quoted(name: str) -> str:

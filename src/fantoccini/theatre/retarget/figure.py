@@ -59,8 +59,8 @@ class Figure:
             ``neck``, and ``trunk`` between the hips.
         axes: (3, 3) columns forward, left, up in the frame of the trunk.
         forward: (3,) direction in which the puppet faces at the start.
-        places: part of a person -> (3,) position at the start [m].
-        lower: the lower half of a trunk with a waist; None for a trunk of one body.
+        positions: part of a person -> (3,) position at the start [m].
+        lower_trunk: the lower half of a trunk with a waist; None for a trunk of one body.
     """
 
     marionette: Marionette
@@ -68,26 +68,28 @@ class Figure:
     points: Mapping[str, Point]
     axes: Array
     forward: Array
-    places: Mapping[str, Array]
-    lower: LowerTrunk | None = None
+    positions: Mapping[str, Array]
+    lower_trunk: LowerTrunk | None = None
 
     @property
-    def leg(self) -> float:
+    def leg_length(self) -> float:
         """Length from hip over knee to foot [m]."""
-        x = self.places
+        positions = self.positions
         return float(
-            np.linalg.norm(x["hip_left"] - x["knee_left"])
-            + np.linalg.norm(x["knee_left"] - x["foot_left"])
+            np.linalg.norm(positions["hip_left"] - positions["knee_left"])
+            + np.linalg.norm(positions["knee_left"] - positions["foot_left"])
         )
 
     @property
     def height(self) -> float:
         """Length from the feet over straight legs and trunk to the head's end [m]."""
-        x = self.places
-        trunk = np.linalg.norm(x["neck"] - x["trunk"])
-        return self.leg + float(trunk + np.linalg.norm(x["head"] - x["neck"]))
+        positions = self.positions
+        trunk = np.linalg.norm(positions["neck"] - positions["trunk"])
+        return self.leg_length + float(
+            trunk + np.linalg.norm(positions["head"] - positions["neck"])
+        )
 
-    def at(self, part: str) -> Array:
+    def local_point(self, part: str) -> Array:
         """(3,) point of a part in the frame of its body [m]."""
         return np.array(self.points[part][1])
 
@@ -109,34 +111,37 @@ def figure_of(
             end, or several members are persons.
         UnknownNameError: the scene has no such member.
     """
-    names = [link.name for link in marionette.tree.links if link.role is Role.DYNAMIC]
-    body_files = _of_member(marionette, {**BUNDLED_BODIES, **(bodies or {})}, names, of)
-    if not bodies and not of and any(file.body not in names for file in body_files.values()):
+    body_names = [link.name for link in marionette.tree.links if link.role is Role.DYNAMIC]
+    body_files = _bodies_of_member(marionette, {**BUNDLED_BODIES, **(bodies or {})}, body_names, of)
+    if not bodies and not of and any(file.body not in body_names for file in body_files.values()):
         with contextlib.suppress(StateError):
             body_files = bodies_of_map(marionette)
-    if missing := [part for part in BODIES if body_files[part].body not in names]:
+    if missing := [part for part in BODIES if body_files[part].body not in body_names]:
         raise StateError(
             f"{marionette.name} has no body {body_files[missing[0]].body!r}, the {missing[0]} of a "
-            f"person; name it under `puppet` in a mapping file: the bodies are {', '.join(names)}"
+            "person; name it under `puppet` in a mapping file: the bodies are "
+            f"{', '.join(body_names)}"
         )
     links = {part: marionette.link_index(body_files[part].body) for part in BODIES}
-    links["hips"] = _hips(marionette, links)
-    _check_joined(marionette, links)
+    links["hips"] = _hips_link(marionette, links)
+    _check_parents(marionette, links)
     pose = marionette.poses(start.q_D[None], start.q_K[None])[0]
     points = _points(marionette, body_files, links, pose)
     places = {}
     for part, (body, point) in points.items():
         frame = pose[marionette.link_index(body)]
         places[part] = frame[:, :3] @ np.array(point) + frame[:, 3]
-    named = {part: body_files[part].body for part in BODIES}
+    bodies_by_part = {part: body_files[part].body for part in BODIES}
     if links["hips"] == links["trunk"]:
-        lines = [points[f"{part}_{side}"][1] for part in ("shoulder", "hip") for side in SIDES]
-        axes, lower = axes_of(*(np.array(x)[None] for x in lines))[0], None
+        attachment_points = [
+            points[f"{part}_{side}"][1] for part in ("shoulder", "hip") for side in SIDES
+        ]
+        axes, lower = axes_of(*(np.array(x)[None] for x in attachment_points))[0], None
     else:
-        named["hips"] = marionette.tree.links[links["hips"]].name
+        bodies_by_part["hips"] = marionette.tree.links[links["hips"]].name
         axes, lower = _with_waist(marionette, links, pose, places)
     forward = pose[links["trunk"]][:, :3] @ axes[:, 0]
-    return Figure(marionette, named, points, axes, forward, places, lower)
+    return Figure(marionette, bodies_by_part, points, axes, forward, places, lower)
 
 
 def _points(
@@ -152,24 +157,26 @@ def _points(
     """
     tree = marionette.tree
 
-    def within(part: str, other: str) -> Point:
+    def start_of(part: str, carried_part: str) -> Point:
         """Beginning of another part, in the frame of a part."""
-        x, y, z = _in_frame(pose[links[part]], pose[links[other]][:, 3]).tolist()
+        x, y, z = _point_in_frame(pose[links[part]], pose[links[carried_part]][:, 3]).tolist()
         return tree.links[links[part]].name, (x, y, z)
 
-    def end(part: str) -> Point:
-        place = body_files[part].end
-        if place is None:
+    def end_of(part: str) -> Point:
+        end_point = body_files[part].end
+        if end_point is None:
             raise StateError(f"the mapping has no `end` of {part}: the point that is followed")
-        return body_files[part].body, place
+        return body_files[part].body, end_point
 
-    points = {"neck": within("trunk", "head"), "head": end("head")}
+    points = {"neck": start_of("trunk", "head"), "head": end_of("head")}
     for side in SIDES:
-        for (begin, middle, last, upper, lower), at in zip(LIMBS, ("trunk", "hips"), strict=True):
-            upper, lower = f"{upper}_{side}", f"{lower}_{side}"
-            points[f"{begin}_{side}"] = within(at, upper)
-            points[f"{middle}_{side}"] = within(upper, lower)
-            points[f"{last}_{side}"] = end(lower)
+        for (start_part, middle_part, end_part, upper_body, lower_body), carrier in zip(
+            LIMBS, ("trunk", "hips"), strict=True
+        ):
+            upper_body, lower_body = f"{upper_body}_{side}", f"{lower_body}_{side}"
+            points[f"{start_part}_{side}"] = start_of(carrier, upper_body)
+            points[f"{middle_part}_{side}"] = start_of(upper_body, lower_body)
+            points[f"{end_part}_{side}"] = end_of(lower_body)
     hips = [np.array(points[f"hip_{side}"][1]) for side in SIDES]
     x, y, z = (0.5 * (hips[0] + hips[1])).tolist()
     points["trunk"] = tree.links[links["hips"]].name, (x, y, z)
@@ -177,29 +184,36 @@ def _points(
 
 
 def _with_waist(
-    marionette: Marionette, links: Mapping[str, int], pose: Array, x: Mapping[str, Array]
+    marionette: Marionette, links: Mapping[str, int], pose: Array, positions: Mapping[str, Array]
 ) -> tuple[Array, LowerTrunk]:
     """Axes of the upper half of a trunk in its frame, and the lower half."""
     trunk, hips = pose[links["trunk"]], pose[links["hips"]]
-    lines = [x[f"{part}_left"] - x[f"{part}_right"] for part in ("shoulder", "hip")]
-    up = x["shoulder_left"] + x["shoulder_right"] - x["hip_left"] - x["hip_right"]
-    upper, lower = (axes_along(up[None], line[None])[0] for line in lines)
-    above = marionette.tree.ancestors(links["hips"])
+    lines_across = [
+        positions[f"{part}_left"] - positions[f"{part}_right"] for part in ("shoulder", "hip")
+    ]
+    up = (
+        positions["shoulder_left"]
+        + positions["shoulder_right"]
+        - positions["hip_left"]
+        - positions["hip_right"]
+    )
+    upper_axes, lower_axes = (axes_along(up[None], line[None])[0] for line in lines_across)
+    ancestors = marionette.tree.ancestors(links["hips"])
     joint = links["trunk"]
-    if joint in above:  # the trunk carries the hips
-        joint = above[above.index(joint) - 1]
+    if joint in ancestors:  # the trunk carries the hips
+        joint = ancestors[ancestors.index(joint) - 1]
     waist = pose[joint][:, 3]
-    return trunk[:, :3].T @ upper, LowerTrunk(
-        hips[:, :3].T @ lower, _in_frame(hips, waist), _in_frame(trunk, waist)
+    return trunk[:, :3].T @ upper_axes, LowerTrunk(
+        hips[:, :3].T @ lower_axes, _point_in_frame(hips, waist), _point_in_frame(trunk, waist)
     )
 
 
-def _in_frame(frame: Array, point: Array) -> Array:
+def _point_in_frame(frame: Array, point: Array) -> Array:
     """(3,) point in a frame (3, 4)."""
     return np.asarray(frame[:, :3].T @ (point - frame[:, 3]))
 
 
-def _of_member(
+def _bodies_of_member(
     marionette: Marionette, bodies: Mapping[str, BodyFile], names: Sequence[str], of: str
 ) -> dict[str, BodyFile]:
     """The bodies, with the prefix of a scene's member where a name needs it."""
@@ -207,19 +221,19 @@ def _of_member(
     if of and of not in members:
         raise UnknownNameError("member of a scene", of, members)
 
-    def within(member: str) -> dict[str, BodyFile]:
+    def with_prefix(member: str) -> dict[str, BodyFile]:
         renamed = {}
         for part, body_file in bodies.items():
-            own = body_file.body if body_file.body in names else f"{member}.{body_file.body}"
-            renamed[part] = body_file.model_copy(update={"body": own})
+            body_name = body_file.body if body_file.body in names else f"{member}.{body_file.body}"
+            renamed[part] = body_file.model_copy(update={"body": body_name})
         return renamed
 
     if of:
-        return within(of)
-    persons = [m for m in members if all(within(m)[part].body in names for part in BODIES)]
-    if len(persons) > 1 and within(persons[0]) != within(persons[1]):
+        return with_prefix(of)
+    persons = [m for m in members if all(with_prefix(m)[part].body in names for part in BODIES)]
+    if len(persons) > 1 and with_prefix(persons[0]) != with_prefix(persons[1]):
         raise StateError(f"several members are persons: {', '.join(persons)}; name one with `of`")
-    return within(persons[0]) if persons else dict(bodies)
+    return with_prefix(persons[0]) if persons else dict(bodies)
 
 
 def axes_of(
@@ -240,34 +254,34 @@ def axes_along(up: Array, across: Array) -> Array:
     return np.stack([forward, np.cross(up, forward), up], axis=-1)
 
 
-def _hips(marionette: Marionette, links: Mapping[str, int]) -> int:
+def _hips_link(marionette: Marionette, links: Mapping[str, int]) -> int:
     """Link that carries both thighs: the trunk, or the body below a waist."""
     tree = marionette.tree
     left, right = (tree.ancestors(links[f"thigh_{side}"]) for side in SIDES)
-    both = next((k for k in left if k in right and tree.links[k].role is Role.DYNAMIC), WORLD)
+    common = next((k for k in left if k in right and tree.links[k].role is Role.DYNAMIC), WORLD)
     trunk = links["trunk"]
-    if both == WORLD or not set(tree.ancestors(both)) & set(tree.ancestors(trunk)):
-        name = "the world" if both == WORLD else tree.links[both].name
+    if common == WORLD or not set(tree.ancestors(common)) & set(tree.ancestors(trunk)):
+        name = "the world" if common == WORLD else tree.links[common].name
         raise StateError(
             f"the thighs of a person are {tree.links[links['thigh_left']].name} and "
             f"{tree.links[links['thigh_right']].name}, which hang at {name}; needed: at "
             f"{tree.links[trunk].name}, the trunk, or at a body jointed to it"
         )
-    return both
+    return common
 
 
-def _check_joined(marionette: Marionette, links: Mapping[str, int]) -> None:
+def _check_parents(marionette: Marionette, links: Mapping[str, int]) -> None:
     """Raises StateError if a part is joined to another part than in a person."""
     tree = marionette.tree
-    above = {"head": "trunk"}
+    parents = {"head": "trunk"}
     for side in SIDES:
-        for (*_, upper, lower), at in zip(LIMBS, ("trunk", "hips"), strict=True):
-            above |= {f"{upper}_{side}": at, f"{lower}_{side}": f"{upper}_{side}"}
-    for part, wanted in above.items():
+        for (*_, upper, lower), carrier in zip(LIMBS, ("trunk", "hips"), strict=True):
+            parents |= {f"{upper}_{side}": carrier, f"{lower}_{side}": f"{upper}_{side}"}
+    for part, parent_part in parents.items():
         parent = next((k for k in tree.ancestors(links[part])[1:] if k in links.values()), WORLD)
-        if parent != links[wanted]:
+        if parent != links[parent_part]:
             name = "the world" if parent == WORLD else tree.links[parent].name
             raise StateError(
                 f"{part} of a person is {tree.links[links[part]].name}, which hangs at {name}; "
-                f"needed: at {tree.links[links[wanted]].name}, its {wanted}"
+                f"needed: at {tree.links[links[parent_part]].name}, its {parent_part}"
             )

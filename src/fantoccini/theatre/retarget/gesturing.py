@@ -21,40 +21,40 @@ from fantoccini.dynamics.simulation import simulate
 from fantoccini.motion import State, Trajectory
 from fantoccini.theatre.capture import Capture, load_bvh
 from fantoccini.theatre.gestures import Gesture, xy_indices
-from fantoccini.theatre.retarget.deviations import GROUPS, PartError, errors_of, report_of
+from fantoccini.theatre.retarget.deviations import PART_GROUPS, PartError, group_errors, part_errors
 from fantoccini.theatre.retarget.following import (
-    INTERVAL,
-    crossings_in,
-    driven,
-    eased,
-    lead_along,
-    smoothed,
+    INPUT_INTERVAL,
+    driven_inputs,
+    eased_times,
+    follow_tracks,
+    smooth_poses,
+    string_crossings,
     tracks_along,
 )
 from fantoccini.theatre.retarget.mapping import MappingFile
-from fantoccini.theatre.retarget.placing import Placing
+from fantoccini.theatre.retarget.placing import PartTargets
 from fantoccini.theatre.retarget.retargeting import (
-    LEANS,
-    WEIGHTS,
+    LEAN_FACTORS,
+    PART_WEIGHTS,
     PlacedClip,
-    Retargeted,
+    RetargetedClip,
+    part_positions,
     place_clip,
-    places_in,
     retarget_clip,
 )
 
-BEGINS, OVER = "begins", "over"
+CLIP_START_MARK, CLIP_END_MARK = "begins", "over"
 """Marks of the clip's first and last frame."""
-_MAX_RATE = 30.0
+_MAX_FRAME_RATE = 30.0
 """Frame rate above which frames are left out [1/s]."""
 _EASE_TIME = 0.5
 """Duration in which the clip accelerates to its speed, and in which it stops [s]."""
-_MIN_LEAD_TIME, _BOUND_SHARES = 0.5, (0.5, 0.25)
+_MIN_LEAD_TIME, _LEAD_BOUND_FACTORS = 0.5, (0.5, 0.25)
 """Least duration of the leads to a clip and back [s], and the shares of the bounds of speed and
 acceleration that they use."""
 _REST_TIME = 0.02
 """Duration of rest at the end [s]."""
-_STOP_TIME = 0.6
+_MAX_STOP_TIME = 0.6
 """Largest time to come to rest at the end [s]."""
 
 
@@ -73,7 +73,7 @@ class ClipGesture:
     """
 
     gesture: Gesture
-    retargeted: Retargeted
+    retargeted: RetargetedClip
     t: Times
     run: Trajectory
     report: tuple[PartError, ...]
@@ -107,12 +107,12 @@ def place_on_spot(
         clip = load_bvh(clip)
     if len(clip.t) > 2:
         clip = clip.without_calibration()
-        every = max(1, int((len(clip.t) - 1) / (clip.duration * _MAX_RATE) + 1e-3))
+        stride = max(1, int((len(clip.t) - 1) / (clip.duration * _MAX_FRAME_RATE) + 1e-3))
         clip = dataclasses.replace(
             clip,
-            t=clip.t[::every],
-            positions=clip.positions[::every],
-            rotations=clip.rotations[::every],
+            t=clip.t[::stride],
+            positions=clip.positions[::stride],
+            rotations=clip.rotations[::stride],
         )
     return place_clip(marionette, clip, mapping, start, travel=0.0, turning=0.0)
 
@@ -142,16 +142,16 @@ def clip_gesture(
             y, or the leads alone take longer than ``lasts``.
     """
     check_positive(faster=faster, speed=speed, acceleration=acceleration)
-    first: ClipGesture | None = None
-    for lean in LEANS:
+    first_gesture: ClipGesture | None = None
+    for lean in LEAN_FACTORS:
         gesture = _gesture_with_lean(
             dataclasses.replace(placed, lean=lean), faster, lasts, speed, acceleration
         )
         if not gesture.crossings:
             return gesture
-        first = first or gesture
-    assert first is not None
-    return first
+        first_gesture = first_gesture or gesture
+    assert first_gesture is not None
+    return first_gesture
 
 
 def _gesture_with_lean(
@@ -159,42 +159,50 @@ def _gesture_with_lean(
 ) -> ClipGesture:
     marionette = placed.figure.marionette
     start = placed.start.replace(t=0.0)
-    home = places_in(placed.figure, marionette.poses(start.q_D[None], start.q_K[None]))
-    retargeted = retarget_clip(marionette, placed)
-    dip = max(
-        float(np.max(home[foot][0, 2] - retargeted.hanging_positions[foot][:, 2]))
-        for foot in GROUPS["feet"]
+    rest_positions = part_positions(
+        placed.figure, marionette.poses(start.q_D[None], start.q_K[None])
     )
-    if dip > 0.0:
-        retargeted = retarget_clip(marionette, _raised(placed, dip))
-    parts, q_K = smoothed(retargeted)
+    retargeted = retarget_clip(marionette, placed)
+    sinking = max(
+        float(np.max(rest_positions[foot][0, 2] - retargeted.hanging_positions[foot][:, 2]))
+        for foot in PART_GROUPS["feet"]
+    )
+    if sinking > 0.0:
+        retargeted = retarget_clip(marionette, _raise_targets(placed, sinking))
+    parts, q_K = smooth_poses(retargeted)
     leads = _lead_times(retargeted, q_K, start, speed, acceleration)
     if lasts is not None:
-        faster = _speed_factor(retargeted, lasts, sum(leads) + _STOP_TIME)
-    clip_times = eased(retargeted.t / faster, _EASE_TIME)
-    t, frames = _clock(clip_times, leads)
+        faster = _speed_factor(retargeted, lasts, sum(leads) + _MAX_STOP_TIME)
+    clip_times = eased_times(retargeted.t / faster, _EASE_TIME)
+    t, frames = _gesture_times(clip_times, leads)
     tracks = tracks_along(
         retargeted.figure,
         t,
-        {part: _joined(home[part][0], parts[part], t, frames) for part in WEIGHTS},
-        _joined(start.q_K, q_K, t, frames),
+        {
+            part: _with_leads(rest_positions[part][0], parts[part], t, frames)
+            for part in PART_WEIGHTS
+        },
+        _with_leads(start.q_K, q_K, t, frames),
     )
     bounds = _bounds_for_all_headings(marionette, speed, acceleration)
-    acc_K, _ = lead_along(marionette, start, float(t[-1]), tracks, *bounds)
-    gesture = Gesture.of_input(driven(marionette, start, acc_K), name=placed.clip.name)
-    slow = {"speed": speed * _BOUND_SHARES[0], "acceleration": acceleration * _BOUND_SHARES[1]}
-    gesture = gesture.then(Gesture.rest(marionette.coordinates, _REST_TIME), **slow)
+    acc_K, _ = follow_tracks(marionette, start, float(t[-1]), tracks, *bounds)
+    gesture = Gesture.from_input(driven_inputs(marionette, start, acc_K), name=placed.clip.name)
+    lead_bounds = {
+        "speed": speed * _LEAD_BOUND_FACTORS[0],
+        "acceleration": acceleration * _LEAD_BOUND_FACTORS[1],
+    }
+    gesture = gesture.then(Gesture.rest(marionette.coordinates, _REST_TIME), **lead_bounds)
     frame_times = t[frames]
     if frame_times[-1] > gesture.duration:
         raise StateError(f"{placed.clip.name}: the puppet's run stops at {gesture.duration:.2f} s")
-    marks = {BEGINS: float(frame_times[0]), OVER: float(frame_times[-1])}
+    marks = {CLIP_START_MARK: float(frame_times[0]), CLIP_END_MARK: float(frame_times[-1])}
     gesture = dataclasses.replace(gesture, name=placed.clip.name, marks=marks)
     if lasts is not None:
         frame_times = frame_times * lasts / gesture.duration
         gesture = gesture.lasting(lasts)
     run = simulate(marionette, start, gesture.inputs(start), effort=False, throw=False)
-    report = report_of(retargeted, errors_of(retargeted, run, frame_times))
-    crossings = crossings_in(marionette, run)
+    report = group_errors(retargeted, part_errors(retargeted, run, frame_times))
+    crossings = string_crossings(marionette, run)
     return ClipGesture(gesture, retargeted, frame_times, run, report, crossings)
 
 
@@ -217,28 +225,28 @@ class TooShortError(StateError):
         )
 
 
-def _raised(placed: PlacedClip, by: float) -> PlacedClip:
+def _raise_targets(placed: PlacedClip, height: float) -> PlacedClip:
     """The clip with all targets raised [m]."""
-    up = np.array([0.0, 0.0, by])
+    offset = np.array([0.0, 0.0, height])
     shift = np.zeros((3, 4))
-    shift[:, 3] = up
-    places = placed.places
+    shift[:, 3] = offset
+    targets = placed.targets
     return dataclasses.replace(
         placed,
-        places=Placing(
-            {part: path + up for part, path in places.parts.items()},
-            {part: frame + shift for part, frame in places.frames.items()},
-            places.scale,
+        targets=PartTargets(
+            {part: path + offset for part, path in targets.parts.items()},
+            {part: frame + shift for part, frame in targets.frames.items()},
+            targets.scale,
         ),
     )
 
 
-def _speed_factor(clip: Retargeted, lasts: float, others: float) -> float:
+def _speed_factor(clip: RetargetedClip, lasts: float, lead_time: float) -> float:
     """Speed factor of the clip for a whole duration [s], of which other parts take a time [s]."""
-    remaining = lasts - others
-    if remaining <= 0.0:
-        raise TooShortError(clip.clip.name, lasts, others)
-    return float(clip.t[-1]) / max(remaining - _EASE_TIME, 0.5 * remaining)
+    clip_time = lasts - lead_time
+    if clip_time <= 0.0:
+        raise TooShortError(clip.clip.name, lasts, lead_time)
+    return float(clip.t[-1]) / max(clip_time - _EASE_TIME, 0.5 * clip_time)
 
 
 def _bounds_for_all_headings(
@@ -246,17 +254,17 @@ def _bounds_for_all_headings(
 ) -> tuple[dict[str, float], dict[str, float]]:
     """Bounds of speed and acceleration by coordinate, which also hold after any turn."""
     table = marionette.coordinates
-    share = np.ones(table.n_vK)
+    factors = np.ones(table.n_vK)
     for x, y in xy_indices(table, np.ones(table.n_vK, dtype=bool)):
-        share[[x, y]] = np.sqrt(0.5)
+        factors[[x, y]] = np.sqrt(0.5)
     return (
-        dict(zip(table.v_K, (speed * share).tolist(), strict=True)),
-        dict(zip(table.v_K, (acceleration * share).tolist(), strict=True)),
+        dict(zip(table.v_K, (speed * factors).tolist(), strict=True)),
+        dict(zip(table.v_K, (acceleration * factors).tolist(), strict=True)),
     )
 
 
 def _lead_times(
-    retargeted: Retargeted, q_K: Array, start: State, speed: float, acceleration: float
+    retargeted: RetargetedClip, q_K: Array, start: State, speed: float, acceleration: float
 ) -> tuple[float, float]:
     """Durations of the leads to the first pose and back from the last [s]."""
     scalars = [q for q, _ in retargeted.marionette.coordinates.scalars_K]
@@ -267,30 +275,30 @@ def _lead_times(
             max(
                 _MIN_LEAD_TIME,
                 polynomial.minimum_jerk_duration(
-                    distance, _BOUND_SHARES[0] * speed, _BOUND_SHARES[1] * acceleration
+                    distance, _LEAD_BOUND_FACTORS[0] * speed, _LEAD_BOUND_FACTORS[1] * acceleration
                 ),
             )
         )
     return times[0], times[1]
 
 
-def _clock(frame_times: Times, leads: tuple[float, float]) -> tuple[Times, slice]:
+def _gesture_times(frame_times: Times, leads: tuple[float, float]) -> tuple[Times, slice]:
     """Times of the gesture, and the slice of the clip's frames in them."""
-    count = [int(np.ceil(lead / INTERVAL)) for lead in leads]
-    lead_in = np.linspace(0.0, leads[0], count[0] + 1)[:-1]
-    lead_out = np.linspace(0.0, leads[1], count[1] + 1)[1:]
-    clip = leads[0] + frame_times - frame_times[0]
-    t = np.concatenate([lead_in, clip, clip[-1] + lead_out])
-    return t, slice(count[0], count[0] + len(frame_times))
+    n_points = [int(np.ceil(lead / INPUT_INTERVAL)) for lead in leads]
+    lead_in = np.linspace(0.0, leads[0], n_points[0] + 1)[:-1]
+    lead_out = np.linspace(0.0, leads[1], n_points[1] + 1)[1:]
+    clip_times = leads[0] + frame_times - frame_times[0]
+    t = np.concatenate([lead_in, clip_times, clip_times[-1] + lead_out])
+    return t, slice(n_points[0], n_points[0] + len(frame_times))
 
 
-def _joined(home: Array, clip: Array, t: Times, frames: slice) -> Array:
+def _with_leads(rest: Array, values: Array, t: Times, frames: slice) -> Array:
     """(n, ...) values from home to the clip's first ones, through them, and back."""
-    first, last = t[frames][0], t[frames][-1]
-    s_in, s_out = t[: frames.start] / first, (t[frames.stop :] - last) / (t[-1] - last)
+    clip_start, clip_end = t[frames][0], t[frames][-1]
+    s_in, s_out = t[: frames.start] / clip_start, (t[frames.stop :] - clip_end) / (t[-1] - clip_end)
 
-    def lead(a: Array, b: Array, s: Times) -> Array:
+    def blend(start: Array, end: Array, s: Times) -> Array:
         share, _, _ = polynomial.minimum_jerk(s)
-        return np.asarray(a + share[:, None] * (b - a))
+        return np.asarray(start + share[:, None] * (end - start))
 
-    return np.concatenate([lead(home, clip[0], s_in), clip, lead(clip[-1], home, s_out)])
+    return np.concatenate([blend(rest, values[0], s_in), values, blend(values[-1], rest, s_out)])

@@ -27,12 +27,12 @@ from fantoccini.base.documents import (
 )
 from fantoccini.theatre.capture import Skeleton
 from fantoccini.theatre.retarget.finding import Doubt, guess_joints
-from fantoccini.theatre.retarget.naming import END, plain_names
+from fantoccini.theatre.retarget.naming import END_SUFFIX, plain_names
 
 _FOLDER = Path(__file__).parent / "mappings"
 DOUBTFUL = "doubtful"
 """Word that marks a note about a joint that may be wrong."""
-_MAX_LISTED = 60
+_MAX_LISTED_JOINTS = 60
 """Largest number of joints that an error lists."""
 SIDES = ("left", "right")
 _SIDE_PARTS = ("shoulder", "elbow", "hand", "hip", "knee", "foot")
@@ -76,7 +76,7 @@ class MappingFile(Document):
 
     @field_validator("joints")
     @classmethod
-    def _are_parts(cls, joints: dict[str, str]) -> dict[str, str]:
+    def _check_parts(cls, joints: dict[str, str]) -> dict[str, str]:
         refuse(unknown_names(joints, PARTS, "{} is no part"))
         if missing := [part for part in PARTS if part not in joints]:
             raise mistake(f"found no {', '.join(missing)}; needed: all of {', '.join(PARTS)}")
@@ -87,25 +87,25 @@ class MappingFile(Document):
 
     @field_validator("puppet")
     @classmethod
-    def _are_bodies(cls, puppet: dict[str, BodyFile]) -> dict[str, BodyFile]:
+    def _check_bodies(cls, puppet: dict[str, BodyFile]) -> dict[str, BodyFile]:
         refuse(unknown_names(puppet, BODIES, "{} is no part"))
         return puppet
 
     def find(self, skeleton: Skeleton) -> dict[str, int]:
         """Part -> index of its joint; parts without a unique joint are left out."""
-        names = [name.lower() for name in skeleton.names]
-        plain = [name.lower() for name in plain_names(skeleton.names)]
+        lower_names = [name.lower() for name in skeleton.names]
+        lower_plain_names = [name.lower() for name in plain_names(skeleton.names)]
         indices = {}
         for part, joint in self.joints.items():
-            wanted = joint.lower()
-            searched_names = names if wanted in names else plain
-            if searched_names.count(wanted) == 1:
-                indices[part] = searched_names.index(wanted)
+            lower_name = joint.lower()
+            searched_names = lower_names if lower_name in lower_names else lower_plain_names
+            if searched_names.count(lower_name) == 1:
+                indices[part] = searched_names.index(lower_name)
         return indices
 
 
 @dataclass(frozen=True)
-class Recognised:
+class RecognisedJoints:
     """Joints of a clip that are recognised without a mapping file.
 
     Attributes:
@@ -162,7 +162,9 @@ def find_mapping(skeleton: Skeleton, name: str = "clip") -> MappingFile:
     return recognise(skeleton, name).mapping
 
 
-def recognise(skeleton: Skeleton, name: str = "clip", positions: Array | None = None) -> Recognised:
+def recognise(
+    skeleton: Skeleton, name: str = "clip", positions: Array | None = None
+) -> RecognisedJoints:
     """Bundled mapping whose joints a skeleton has, or one found by its shape.
 
     Args:
@@ -179,22 +181,25 @@ def recognise(skeleton: Skeleton, name: str = "clip", positions: Array | None = 
     best = max(mappings, key=lambda mapping: len(mapping.find(skeleton)))
     indices = best.find(skeleton)
     if len(indices) == len(PARTS):
-        return Recognised(best)
+        return RecognisedJoints(best)
     try:
         guess = guess_joints(skeleton, positions)
     except StateError as error:
         missing = [part for part in PARTS if part not in indices]
-        lacks = f"; of {best.mapping} {', '.join(missing)} is missing" if indices else ""
-        joints = [joint for joint in skeleton.names if not joint.endswith(END)]
+        missing_text = f"; of {best.mapping} {', '.join(missing)} is missing" if indices else ""
+        joints = [joint for joint in skeleton.names if not joint.endswith(END_SUFFIX)]
+        ellipsis = " ..." if len(joints) > _MAX_LISTED_JOINTS else ""
         text = (
             f"no bundled mapping ({', '.join(mapping_names())}) has the names of the joints"
-            f"{lacks}; by their shape: {error}; give a mapping file (`fantoccini mapping` writes "
-            f"one to fill in): the joints are "
-            f"{', '.join(joints[:_MAX_LISTED])}{' ...' if len(joints) > _MAX_LISTED else ''}"
+            f"{missing_text}; by their shape: {error}; give a mapping file (`fantoccini mapping` "
+            f"writes one to fill in): the joints are "
+            f"{', '.join(joints[:_MAX_LISTED_JOINTS])}{ellipsis}"
         )
         raise FileError([Mistake(name, None, "", text)]) from None
-    named = {part: skeleton.names[guess.joints[part]] for part in PARTS}
-    return Recognised(MappingFile(mapping="found", joints=named), guess.doubts, by_shape=True)
+    names_by_part = {part: skeleton.names[guess.joints[part]] for part in PARTS}
+    return RecognisedJoints(
+        MappingFile(mapping="found", joints=names_by_part), guess.doubts, by_shape=True
+    )
 
 
 def joints_of(mapping: MappingFile, skeleton: Skeleton, name: str = "clip") -> dict[str, int]:

@@ -6,18 +6,18 @@ import re
 from collections import Counter
 from collections.abc import Sequence
 
-END = ".end"
+END_SUFFIX = ".end"
 """Suffix of the end of a chain."""
-_SIDES = (("left", "right"), ("lft", "rgt"), ("l", "r"), ("左", "右"))
+_SIDE_WORDS = (("left", "right"), ("lft", "rgt"), ("l", "r"), ("左", "右"))
 """Words for the sides, left first; longer words come before those with which they begin."""
 _WORD = re.compile(r"[A-Z]+(?![^\W\d_A-Z])|[A-Z]?[^\W\d_A-Z]+")
 _PREFIX = re.compile(r"[^\W\d_]+\d*[ _.\-]+")
 """Beginning of a name, up to its first separator."""
 _PREFIX_SHARE = 0.8
 """Least share of the names that begin with a prefix."""
-_PIECES = {"twist", "roll", "bend", "def", "part", "segment"}
+_BONE_PIECE_WORDS = {"twist", "roll", "bend", "def", "part", "segment"}
 """Words of joints within a bone."""
-_ADDED = {
+_ACCESSORY_WORDS = {
     *("hair", "skirt", "cloth", "coat", "cape", "cloak", "scarf", "sleeve", "tail", "wing"),
     *("breast", "bust", "pectoral", "ear", "eye", "prop", "weapon", "sec", "ik", "pole"),
     *("face", "facial", "jaw", "tongue", "teeth", "target", "control", "ctrl"),
@@ -54,19 +54,19 @@ def plain_names(names: Sequence[str]) -> tuple[str, ...]:
 
 def side_of(name: str, twin: str) -> str:
     """Side of a joint, ``left`` or ``right``, from its name and its twin's; "" if neither."""
-    a, b = name.lower(), twin.lower()
-    for left, right in _SIDES:
-        if _swapped(a, left, right, b):
+    lower_name, lower_twin = name.lower(), twin.lower()
+    for left, right in _SIDE_WORDS:
+        if _is_mirrored(lower_name, left, right, lower_twin):
             return "left"
-        if _swapped(b, left, right, a):
+        if _is_mirrored(lower_twin, left, right, lower_name):
             return "right"
     return ""
 
 
-def _swapped(name: str, word: str, other: str, twin: str) -> bool:
+def _is_mirrored(name: str, word: str, replacement: str, twin: str) -> bool:
     """Whether a name with one occurrence of a word replaced is the twin's."""
     return any(
-        name[: match.start()] + other + name[match.end() :] == twin
+        name[: match.start()] + replacement + name[match.end() :] == twin
         for match in re.finditer(re.escape(word), name)
     )
 
@@ -76,37 +76,37 @@ def stem_of(name: str) -> str:
 
     A helper (``__UpLeg_L``) lies between a bone and the one above it, and has another stem.
     """
-    helper = ["__"] if name.startswith("__") else []
-    return " ".join(helper + [word for word in _words(name) if word not in _PIECES])
+    prefix = ["__"] if name.startswith("__") else []
+    return " ".join(prefix + [word for word in _words(name) if word not in _BONE_PIECE_WORDS])
 
 
-def is_added(name: str) -> bool:
+def is_accessory(name: str) -> bool:
     """Whether a joint belongs to a face, hair, clothes, props or controls."""
-    return not _ADDED.isdisjoint(_words(name))
+    return not _ACCESSORY_WORDS.isdisjoint(_words(name))
 
 
-def part_called(name: str) -> str:
+def part_of_name(name: str) -> str:
     """Part of a person of that name, without its side (``knee``); "" if the name is ambiguous."""
-    whole = "".join(_words(name.removesuffix(END)))
-    sides = [side for pair in _SIDES for side in pair]
-    wholes = {whole, *(whole.removeprefix(side) for side in sides)}
-    wholes |= {whole.removesuffix(side) for side in sides}
+    joined = "".join(_words(name.removesuffix(END_SUFFIX)))
+    sides = [side for pair in _SIDE_WORDS for side in pair]
+    candidates = {joined, *(joined.removeprefix(side) for side in sides)}
+    candidates |= {joined.removesuffix(side) for side in sides}
     for part, words in _PART_WORDS.items():
-        if not wholes.isdisjoint(words):
+        if not candidates.isdisjoint(words):
             return part
     return ""
 
 
-def limb_called(names: Sequence[str]) -> str:
+def limb_of_names(names: Sequence[str]) -> str:
     """Limb with joints of these names, ``arm`` or ``leg``; "" if the names are ambiguous."""
-    wholes = ["".join(_words(name)) for name in names]
-    count = {
-        limb: sum(any(word in whole for word in words) for whole in wholes)
+    joined_names = ["".join(_words(name)) for name in names]
+    counts = {
+        limb: sum(any(word in joined_name for word in words) for joined_name in joined_names)
         for limb, words in _LIMB_WORDS.items()
     }
-    if count["arm"] == count["leg"]:
+    if counts["arm"] == counts["leg"]:
         return ""
-    return max(count, key=lambda limb: count[limb])
+    return max(counts, key=lambda limb: counts[limb])
 
 
 def _words(name: str) -> list[str]:

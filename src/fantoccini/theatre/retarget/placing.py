@@ -26,7 +26,7 @@ _MIN_LENGTH = 1e-3
 """Least length of a part of a person [m]."""
 _MIN_HEADING_SINE = 0.3
 """Least sine of the angle between the line across a trunk and the vertical for a heading."""
-_HALF_PARTS = (
+_PARTS_OF_HALVES = (
     ("neck", *(f"shoulder_{side}" for side in SIDES)),
     tuple(f"hip_{side}" for side in SIDES),
 )
@@ -36,7 +36,7 @@ _FLOOR_PERCENTILE = 2.0
 
 
 @dataclass(frozen=True, eq=False)
-class Placing:
+class PartTargets:
     """Targets over time.
 
     Attributes:
@@ -50,13 +50,13 @@ class Placing:
     scale: float
 
 
-def place(
+def part_targets(
     figure: Figure,
     clip: Capture,
     joints: Mapping[str, int],
     travel: float = 1.0,
     turning: float = 1.0,
-) -> Placing:
+) -> PartTargets:
     """Targets of a puppet's parts from a clip.
 
     The clip begins at the puppet's place and heading; the floor is below the puppet's feet.
@@ -72,50 +72,63 @@ def place(
     Raises:
         StateError: a part of the skeleton has no length, or a position is not finite.
     """
-    x = {part: clip.positions[:, i] for part, i in joints.items()}
-    _check(clip, x)
-    facing = clip.rotations[:, joints["head"]]
+    positions = {part: clip.positions[:, i] for part, i in joints.items()}
+    _check_positions(clip, positions)
+    head_rotations = clip.rotations[:, joints["head"]]
     if turning != 1.0:
-        turns = _reverse_turns(x, 1.0 - turning)
-        hips = 0.5 * (x["hip_left"] + x["hip_right"])
-        x = {part: hips + np.einsum("tij,tj->ti", turns, path - hips) for part, path in x.items()}
-        facing = turns @ facing
-    turn = _turn_to(figure, x)
-    x = {part: value @ turn.T for part, value in x.items()}
-    facing = turn @ facing
-    leg = float(np.median(_length(x, "hip", "knee") + _length(x, "knee", "foot")))
-    scale = figure.leg / leg
-    axes = _trunks(x)
-    parts = {"trunk": _hips(figure, x, scale, travel)}
-    halves = _halves(figure, x, axes, parts["trunk"])
-    for half, half_parts in zip(halves, _HALF_PARTS, strict=True):
+        turns = _removing_turns(positions, 1.0 - turning)
+        hips = 0.5 * (positions["hip_left"] + positions["hip_right"])
+        positions = {
+            part: hips + np.einsum("tij,tj->ti", turns, path - hips)
+            for part, path in positions.items()
+        }
+        head_rotations = turns @ head_rotations
+    heading_turn = _turn_to_heading(figure, positions)
+    positions = {part: value @ heading_turn.T for part, value in positions.items()}
+    head_rotations = heading_turn @ head_rotations
+    person_leg = float(
+        np.median(_distances(positions, "hip", "knee") + _distances(positions, "knee", "foot"))
+    )
+    scale = figure.leg_length / person_leg
+    axes = _trunk_axes(positions)
+    parts = {"trunk": _hips_targets(figure, positions, scale, travel)}
+    halves = _trunk_halves(figure, positions, axes, parts["trunk"])
+    for half, half_parts in zip(halves, _PARTS_OF_HALVES, strict=True):
         for part in half_parts:
-            parts[part] = half.point + half.turn @ (figure.at(part) - half.at)
+            parts[part] = half.point + half.turn @ (figure.local_point(part) - half.at)
     frames = {
-        body: _frame(half.turn, half.point - half.turn @ half.at)
+        body: _frames(half.turn, half.point - half.turn @ half.at)
         for body, half in zip(("trunk", "hips"), halves, strict=True)
         if body in figure.bodies
     }
-    head = _facing(axes, facing) @ figure.axes.T
-    frames["head"] = _frame(head, parts["neck"])
-    parts["head"] = parts["neck"] + head @ figure.at("head")
+    head_turn = _head_axes(axes, head_rotations) @ figure.axes.T
+    frames["head"] = _frames(head_turn, parts["neck"])
+    parts["head"] = parts["neck"] + head_turn @ figure.local_point("head")
     for side in SIDES:
         for limb, half in zip(LIMBS, halves, strict=True):
             begin, middle, end, upper, lower = (f"{name}_{side}" for name in limb)
-            first = _along(half.turn, figure.at(middle), x[middle] - x[begin])
-            second = _along(half.turn, figure.at(end), x[end] - x[middle])
-            frames[upper] = _frame(first, parts[begin])
-            parts[middle] = parts[begin] + first @ figure.at(middle)
-            frames[lower] = _frame(second, parts[middle])
-            reach = parts[middle] + second @ figure.at(end) - parts[begin]
-            longest = _MAX_STRETCH * sum(np.linalg.norm(figure.at(part)) for part in (middle, end))
-            size = np.linalg.norm(reach, axis=1, keepdims=True)
-            parts[end] = parts[begin] + reach * np.minimum(1.0, longest / np.maximum(size, 1e-9))
-    return Placing(parts, frames, scale)
+            upper_turn = _turned_along(
+                half.turn, figure.local_point(middle), positions[middle] - positions[begin]
+            )
+            lower_turn = _turned_along(
+                half.turn, figure.local_point(end), positions[end] - positions[middle]
+            )
+            frames[upper] = _frames(upper_turn, parts[begin])
+            parts[middle] = parts[begin] + upper_turn @ figure.local_point(middle)
+            frames[lower] = _frames(lower_turn, parts[middle])
+            vectors = parts[middle] + lower_turn @ figure.local_point(end) - parts[begin]
+            max_length = _MAX_STRETCH * sum(
+                np.linalg.norm(figure.local_point(part)) for part in (middle, end)
+            )
+            lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
+            parts[end] = parts[begin] + vectors * np.minimum(
+                1.0, max_length / np.maximum(lengths, 1e-9)
+            )
+    return PartTargets(parts, frames, scale)
 
 
 @dataclass(frozen=True, eq=False)
-class _Half:
+class _TrunkHalf:
     """Half of a trunk over time.
 
     Attributes:
@@ -129,9 +142,9 @@ class _Half:
     at: Array
 
 
-def _halves(
-    figure: Figure, x: Mapping[str, Array], axes: Array, hips: Array
-) -> tuple[_Half, _Half]:
+def _trunk_halves(
+    figure: Figure, positions: Mapping[str, Array], axes: Array, hips: Array
+) -> tuple[_TrunkHalf, _TrunkHalf]:
     """Upper and lower half of the trunk, the same if it has no waist.
 
     Both point up from the hips to the shoulders. The line of the shoulders turns the upper half
@@ -139,39 +152,47 @@ def _halves(
 
     Args:
         figure: figure of the puppet.
-        x: part -> (T, 3) position of the person.
+        positions: part -> (T, 3) position of the person.
         axes: (T, 3, 3) columns forward, left, up of the trunk.
         hips: (T, 3) targets of the midpoint between the hips.
     """
-    if figure.lower is None:
-        half = _Half(axes @ figure.axes.T, hips, figure.at("trunk"))
+    if figure.lower_trunk is None:
+        half = _TrunkHalf(axes @ figure.axes.T, hips, figure.local_point("trunk"))
         return half, half
-    shoulder_line, hip_line = (x[f"{p}_left"] - x[f"{p}_right"] for p in ("shoulder", "hip"))
+    shoulder_line, hip_line = (
+        positions[f"{p}_left"] - positions[f"{p}_right"] for p in ("shoulder", "hip")
+    )
     up = axes[..., 2]
-    lower = axes_along(up, hip_line) @ figure.lower.axes.T
-    waist = hips + lower @ (figure.lower.waist - figure.at("trunk"))
-    upper = axes_along(up, shoulder_line) @ figure.axes.T
+    lower_turn = axes_along(up, hip_line) @ figure.lower_trunk.axes.T
+    waist = hips + lower_turn @ (figure.lower_trunk.waist - figure.local_point("trunk"))
+    upper_turn = axes_along(up, shoulder_line) @ figure.axes.T
     return (
-        _Half(upper, waist, figure.lower.waist_in_trunk),
-        _Half(lower, hips, figure.at("trunk")),
+        _TrunkHalf(upper_turn, waist, figure.lower_trunk.waist_in_trunk),
+        _TrunkHalf(lower_turn, hips, figure.local_point("trunk")),
     )
 
 
-def _trunks(x: Mapping[str, Array]) -> Array:
+def _trunk_axes(positions: Mapping[str, Array]) -> Array:
     """(T, 3, 3) columns forward, left, up of the trunk."""
-    return axes_of(x["shoulder_left"], x["shoulder_right"], x["hip_left"], x["hip_right"])
+    return axes_of(
+        positions["shoulder_left"],
+        positions["shoulder_right"],
+        positions["hip_left"],
+        positions["hip_right"],
+    )
 
 
-def _check(clip: Capture, x: Mapping[str, Array]) -> None:
+def _check_positions(clip: Capture, positions: Mapping[str, Array]) -> None:
     """Raises StateError if a position is not finite, or a part of the person has no length."""
     name = clip.name or "clip"
-    for part, path in x.items():
+    for part, path in positions.items():
         if not np.all(np.isfinite(path)):
             frame = int(np.argmin(np.all(np.isfinite(path), axis=1)))
             raise StateError(f"{name}: {part} is nowhere in frame {frame}; needed: finite numbers")
     spans = {
-        f"from {a}_{side} to {b}_{side}": x[f"{a}_{side}"] - x[f"{b}_{side}"]
-        for a, b in (
+        f"from {first}_{side} to {second}_{side}": positions[f"{first}_{side}"]
+        - positions[f"{second}_{side}"]
+        for first, second in (
             ("shoulder", "elbow"),
             ("elbow", "hand"),
             ("hip", "knee"),
@@ -181,72 +202,76 @@ def _check(clip: Capture, x: Mapping[str, Array]) -> None:
         for side in SIDES
     }
     spans |= {
-        f"from {part}_left to {part}_right": x[f"{part}_left"] - x[f"{part}_right"]
+        f"from {part}_left to {part}_right": positions[f"{part}_left"] - positions[f"{part}_right"]
         for part in ("shoulder", "hip")
     }
-    for ends, span in spans.items():
-        if not np.median(np.linalg.norm(span, axis=1)) > _MIN_LENGTH:
-            raise StateError(f"{name}: the skeleton has no length {ends}")
+    for points_text, vectors in spans.items():
+        if not np.median(np.linalg.norm(vectors, axis=1)) > _MIN_LENGTH:
+            raise StateError(f"{name}: the skeleton has no length {points_text}")
 
 
-def _reverse_turns(x: Mapping[str, Array], share: float) -> Array:
+def _removing_turns(positions: Mapping[str, Array], share: float) -> Array:
     """(T, 3, 3) turns about z that remove a share of the trunk's turning since the first frame.
 
     They are interpolated where the trunk lies on its side, so that its heading is undefined.
     """
-    left = _trunks(x)[..., 1]
-    upright = np.flatnonzero(np.hypot(left[:, 0], left[:, 1]) > _MIN_HEADING_SINE)
+    left = _trunk_axes(positions)[..., 1]
+    valid_frames = np.flatnonzero(np.hypot(left[:, 0], left[:, 1]) > _MIN_HEADING_SINE)
     heading = np.zeros(len(left))
-    if len(upright):
-        angles = np.unwrap(np.arctan2(-left[upright, 0], left[upright, 1]))
-        heading = np.interp(np.arange(len(left)), upright, angles - angles[0])
+    if len(valid_frames):
+        angles = np.unwrap(np.arctan2(-left[valid_frames, 0], left[valid_frames, 1]))
+        heading = np.interp(np.arange(len(left)), valid_frames, angles - angles[0])
     c, s = np.cos(share * heading), np.sin(share * heading)
     turns = np.tile(np.eye(3), (len(left), 1, 1))
     turns[:, 0, 0], turns[:, 0, 1], turns[:, 1, 0], turns[:, 1, 1] = c, s, -s, c
     return turns
 
 
-def _turn_to(figure: Figure, x: Mapping[str, Array]) -> Array:
+def _turn_to_heading(figure: Figure, positions: Mapping[str, Array]) -> Array:
     """(3, 3) turn about z after which the clip begins at the puppet's heading."""
-    left = _trunks({part: path[:1] for part, path in x.items()})[0][:, 1]
+    left = _trunk_axes({part: path[:1] for part, path in positions.items()})[0][:, 1]
     angle = np.arctan2(figure.forward[1], figure.forward[0]) - np.arctan2(-left[0], left[1])
     c, s = np.cos(angle), np.sin(angle)
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
-def _hips(figure: Figure, x: Mapping[str, Array], scale: float, travel: float) -> Array:
+def _hips_targets(
+    figure: Figure, positions: Mapping[str, Array], scale: float, travel: float
+) -> Array:
     """(T, 3) targets of the midpoint between the hips."""
-    hips = 0.5 * (x["hip_left"] + x["hip_right"])
-    feet = np.minimum(x["foot_left"][:, 2], x["foot_right"][:, 2])
-    floor = float(np.percentile(feet, _FLOOR_PERCENTILE))
-    ground = min(figure.places[f"foot_{side}"][2] for side in SIDES)
-    out = figure.places["trunk"] + scale * travel * (hips - hips[0])
-    out[:, 2] = ground + scale * (hips[:, 2] - floor)
-    return np.asarray(out)
+    hips = 0.5 * (positions["hip_left"] + positions["hip_right"])
+    feet = np.minimum(positions["foot_left"][:, 2], positions["foot_right"][:, 2])
+    clip_floor = float(np.percentile(feet, _FLOOR_PERCENTILE))
+    puppet_floor = min(figure.positions[f"foot_{side}"][2] for side in SIDES)
+    targets = figure.positions["trunk"] + scale * travel * (hips - hips[0])
+    targets[:, 2] = puppet_floor + scale * (hips[:, 2] - clip_floor)
+    return np.asarray(targets)
 
 
-def _facing(axes: Array, head: Array) -> Array:
+def _head_axes(trunk_axes: Array, head_rotations: Array) -> Array:
     """(T, 3, 3) columns forward, left, up of the head; its mean over the clip is that of the trunk.
 
     Skeletons differ in the orientation of a head's frame; the mean over the clip counts as upright.
     """
-    mean = np.mean(axes.swapaxes(1, 2) @ head, axis=0)
-    u, _, v = np.linalg.svd(mean)
+    mean_rotation = np.mean(trunk_axes.swapaxes(1, 2) @ head_rotations, axis=0)
+    u, _, v = np.linalg.svd(mean_rotation)
     neutral = u @ np.diag([1.0, 1.0, np.linalg.det(u @ v)]) @ v
-    return np.asarray(head @ neutral.T)
+    return np.asarray(head_rotations @ neutral.T)
 
 
-def _along(trunk: Array, axis: Array, to: Array) -> Array:
+def _turned_along(trunk: Array, axis: Array, vectors: Array) -> Array:
     """(T, 3, 3) orientations of the trunk with the least turn that points `axis` along `to`."""
-    a, b = unit(trunk @ axis), unit(to)
-    return rotation.matrix(rotation.shortest(a, b)) @ trunk
+    current, wanted = unit(trunk @ axis), unit(vectors)
+    return rotation.matrix(rotation.shortest(current, wanted)) @ trunk
 
 
-def _frame(turn: Array, origin: Array) -> Array:
+def _frames(turn: Array, origin: Array) -> Array:
     """(T, 3, 4) orientation and origin."""
     return np.concatenate([turn, origin[:, :, None]], axis=2)
 
 
-def _length(x: Mapping[str, Array], a: str, b: str) -> Array:
+def _distances(positions: Mapping[str, Array], first: str, second: str) -> Array:
     """(T,) distances between two parts on the left [m]."""
-    return np.asarray(np.linalg.norm(x[f"{a}_left"] - x[f"{b}_left"], axis=1))
+    return np.asarray(
+        np.linalg.norm(positions[f"{first}_left"] - positions[f"{second}_left"], axis=1)
+    )

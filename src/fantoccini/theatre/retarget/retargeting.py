@@ -24,9 +24,9 @@ from fantoccini.motion import State
 from fantoccini.theatre.capture import Capture, load_bvh
 from fantoccini.theatre.retarget.figure import Figure, figure_of
 from fantoccini.theatre.retarget.mapping import MappingFile, joints_of, load_mapping, recognise
-from fantoccini.theatre.retarget.placing import Placing, place
+from fantoccini.theatre.retarget.placing import PartTargets, part_targets
 
-WEIGHTS = {
+PART_WEIGHTS = {
     "head": 1.0,
     "hand_left": 1.0,
     "hand_right": 1.0,
@@ -45,18 +45,18 @@ _POSE_TIME = 1.0
 """Duration for which a single pose is held [s]."""
 _TOLERANCE = 3e-4
 """Distance from the nearest pose at which a search ends [m]."""
-ITERATIONS = 10
+MAX_ITERATIONS = 10
 """Largest number of iterations for a pose after the first, which starts from the previous pose."""
 _FIRST_ITERATIONS = 100
 """Largest number of iterations for the first pose."""
-LEANS = 1.8, 2.6
+LEAN_FACTORS = 1.8, 2.6
 """Factors of the strings' lean at rest, tried in turn while strings cross."""
 _MIN_UPWARD = 0.5
 """Vertical component of the trunk's unit direction below which a person lies or crawls."""
 
 
 @dataclass(frozen=True, eq=False)
-class Retargeted:
+class RetargetedClip:
     """Clip with the hanging poses of a puppet that are nearest to it.
 
     Attributes:
@@ -64,21 +64,21 @@ class Retargeted:
         figure: puppet as a person.
         clip: clip in metres, with z up.
         t: (T,) times of the frames, from 0 [s].
-        places: targets of the puppet's parts.
-        reach: hanging poses.
+        targets: targets of the puppet's parts.
+        hanging_poses: nearest hanging poses.
     """
 
     marionette: Marionette
     figure: Figure
     clip: Capture
     t: Times
-    places: Placing
-    reach: ReachedPoses
+    targets: PartTargets
+    hanging_poses: ReachedPoses
 
     def __repr__(self) -> str:
-        worst = max(float(np.sqrt(np.mean(e**2))) for e in self.errors.values())
+        worst = max(float(np.sqrt(np.mean(part_errors**2))) for part_errors in self.errors.values())
         return (
-            f"<Retargeted {self.clip.name!r}: {len(self.t)} poses of {self.marionette.name!r}, "
+            f"<RetargetedClip {self.clip.name!r}: {len(self.t)} poses of {self.marionette.name!r}, "
             f"{self.settled} of them settled, {1e3 * worst:.3g} mm from the clip at most (root "
             "mean square)>"
         )
@@ -87,27 +87,27 @@ class Retargeted:
     def settled(self) -> int:
         """Number of poses that no small change improves; for others the search ended too early."""
         are_minima = (AnswerStatus.REACHED, AnswerStatus.OUT_OF_REACH)
-        return sum(status in are_minima for status in self.reach.status)
+        return sum(status in are_minima for status in self.hanging_poses.status)
 
     @cached_property
     def hanging_positions(self) -> dict[str, Array]:
         """Part -> (T, 3) position in the hanging poses."""
-        poses = self.marionette.poses(self.reach.q_D, self.reach.q_K)
-        return places_in(self.figure, poses)
+        poses = self.marionette.poses(self.hanging_poses.q_D, self.hanging_poses.q_K)
+        return part_positions(self.figure, poses)
 
     @cached_property
     def errors(self) -> dict[str, Array]:
         """Part -> (T,) distance [m] of the pose from the clip; a local minimum if settled."""
         return {
-            part: np.linalg.norm(self.hanging_positions[part] - self.places.parts[part], axis=1)
-            for part in WEIGHTS
+            part: np.linalg.norm(self.hanging_positions[part] - self.targets.parts[part], axis=1)
+            for part in PART_WEIGHTS
         }
 
     @property
     def remarks(self) -> tuple[str, ...]:
         """Signs that the clip may be placed wrongly."""
-        trunk = self.places.frames["trunk"][:, 2, :3] @ self.figure.axes[:, 2]
-        upward = float(np.median(trunk))
+        vertical_components = self.targets.frames["trunk"][:, 2, :3] @ self.figure.axes[:, 2]
+        upward = float(np.median(vertical_components))
         if upward > _MIN_UPWARD:
             return ()
         angle = np.degrees(np.arccos(max(upward, -1.0)))
@@ -120,7 +120,7 @@ class Retargeted:
     @property
     def start(self) -> State:
         """First pose, at rest."""
-        return self.marionette.rest(self.reach[0].state)
+        return self.marionette.rest(self.hanging_poses[0].state)
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,14 +131,14 @@ class PlacedClip:
         figure: puppet as a person.
         start: state at rest.
         clip: clip in metres, with z up.
-        places: targets of the parts.
+        targets: targets of the parts.
         lean: required lean of the strings, as a multiple of that at rest; 0 is vertical.
     """
 
     figure: Figure
     start: State
     clip: Capture
-    places: Placing
+    targets: PartTargets
     lean: float = 0.0
 
 
@@ -176,10 +176,10 @@ def place_clip(
         mapping = load_mapping(mapping)
     joints = joints_of(mapping, clip.skeleton, name)
     # The vertical and the unit are guessed from the whole clip.
-    clip = clip.upright(_up(clip, joints) if up is None else up).between(begin, end)
+    clip = clip.upright(_trunk_axis(clip, joints) if up is None else up).between(begin, end)
     start = marionette.rest() if start is None else start
     figure = figure_of(marionette, start, mapping.puppet, of)
-    return PlacedClip(figure, start, clip, place(figure, clip, joints, travel, turning))
+    return PlacedClip(figure, start, clip, part_targets(figure, clip, joints, travel, turning))
 
 
 def retarget_clip(
@@ -191,7 +191,7 @@ def retarget_clip(
     up: str | None = None,
     turning: float = 1.0,
     of: str = "",
-) -> Retargeted:
+) -> RetargetedClip:
     """Hanging poses of a puppet that are nearest to captured motion, one for each frame.
 
     Args:
@@ -217,14 +217,16 @@ def retarget_clip(
     """
     if not isinstance(clip, PlacedClip):
         clip = place_clip(marionette, clip, mapping, start, travel, up, turning, of)
-    figure, start, placing = clip.figure, clip.start, clip.places
-    targets: dict[TargetKey, Any] = {figure.points[part]: placing.parts[part] for part in WEIGHTS}
-    weights: dict[TargetKey, float] = {figure.points[part]: w for part, w in WEIGHTS.items()}
-    coordinates = vertical_strings(figure, placing.frames, start, clip.lean)
-    for coordinate, values in coordinates.items():
-        targets[coordinate] = values
+    figure, start, targets = clip.figure, clip.start, clip.targets
+    reach_targets: dict[TargetKey, Any] = {
+        figure.points[part]: targets.parts[part] for part in PART_WEIGHTS
+    }
+    weights: dict[TargetKey, float] = {figure.points[part]: w for part, w in PART_WEIGHTS.items()}
+    string_targets = vertical_strings(figure, targets.frames, start, clip.lean)
+    for coordinate, values in string_targets.items():
+        reach_targets[coordinate] = values
         weights[coordinate] = _VERTICAL_WEIGHT
-    first = {target: values[:1] for target, values in targets.items()}
+    first_targets = {target: values[:1] for target, values in reach_targets.items()}
     options: dict[str, Any] = {
         "slack": True,
         "tolerance": _TOLERANCE,
@@ -232,38 +234,44 @@ def retarget_clip(
         "single_pass": True,
     }
     first_state = marionette.rest(
-        reach(marionette, first, start, iterations=_FIRST_ITERATIONS, **options)[0].state
+        reach(marionette, first_targets, start, iterations=_FIRST_ITERATIONS, **options)[0].state
     )
     try:
-        reached_poses = reach(marionette, targets, first_state, iterations=ITERATIONS, **options)
+        reached_poses = reach(
+            marionette, reach_targets, first_state, iterations=MAX_ITERATIONS, **options
+        )
     except StateError:  # a small change of the first pose would make the puppet tip over
-        reached_poses = reach(marionette, targets, start, iterations=ITERATIONS, **options)
+        reached_poses = reach(
+            marionette, reach_targets, start, iterations=MAX_ITERATIONS, **options
+        )
     t = clip.clip.t - clip.clip.t[0]
-    return Retargeted(marionette, figure, clip.clip, t, placing, reached_poses)
+    return RetargetedClip(marionette, figure, clip.clip, t, targets, reached_poses)
 
 
-def _up(clip: Capture, joints: Mapping[str, int]) -> str | None:
+def _trunk_axis(clip: Capture, joints: Mapping[str, int]) -> str | None:
     """Main direction of the trunk as the vertical axis; None if the rest pose determines it."""
-    if clip.skeleton.up(clip.body) is not None:
+    if clip.skeleton.vertical_axis(clip.body_joints) is not None:
         return None
-    x = {part: clip.positions[:, i] for part, i in joints.items()}
-    shoulders, hips = (x[f"{part}_left"] + x[f"{part}_right"] for part in ("shoulder", "hip"))
-    trunk = np.mean(shoulders - hips, axis=0)
-    axis = int(np.argmax(np.abs(trunk)))
-    if axis == 0 or trunk[axis] < 0.0:
+    positions = {part: clip.positions[:, i] for part, i in joints.items()}
+    shoulders, hips = (
+        positions[f"{part}_left"] + positions[f"{part}_right"] for part in ("shoulder", "hip")
+    )
+    direction = np.mean(shoulders - hips, axis=0)
+    axis = int(np.argmax(np.abs(direction)))
+    if axis == 0 or direction[axis] < 0.0:
         raise StateError(
-            f"{clip.name or 'clip'}: trunks point along {'-' if trunk[axis] < 0.0 else ''}"
+            f"{clip.name or 'clip'}: trunks point along {'-' if direction[axis] < 0.0 else ''}"
             f"{'xyz'[axis]}; needed: along y or z; give the axis that is up: `y` or `z`"
         )
     return "xyz"[axis]
 
 
-def places_in(figure: Figure, poses: Array) -> dict[str, Array]:
+def part_positions(figure: Figure, poses: Array) -> dict[str, Array]:
     """Part -> (T, 3) positions in poses (T, n_links, 3, 4)."""
     positions = {}
-    for part, (body, at) in figure.points.items():
-        frame = poses[:, figure.marionette.link_index(body)]
-        positions[part] = frame[:, :, :3] @ np.array(at) + frame[:, :, 3]
+    for part, (body, point) in figure.points.items():
+        frames = poses[:, figure.marionette.link_index(body)]
+        positions[part] = frames[:, :, :3] @ np.array(point) + frames[:, :, 3]
     return positions
 
 
@@ -297,18 +305,18 @@ def tied_strings(figure: Figure, start: State) -> list[TiedString]:
     driven = {table.q_K[q] for q, _ in table.scalars_K}
     strings = []
     for string in tree.strings:
-        ends = sorted(string.points, key=lambda point: point.link not in parts)
-        low, high = ends[0], ends[-1]
-        if low.link not in parts or high.link < 0 or len(ends) != 2:
+        points = sorted(string.points, key=lambda point: point.link not in parts)
+        tie, top_end = points[0], points[-1]
+        if tie.link not in parts or top_end.link < 0 or len(points) != 2:
             continue
-        link, pose = tree.links[high.link], poses[high.link]
-        top = pose[:, :3] @ _numbers(marionette, high.at) + pose[:, 3]
+        link, pose = tree.links[top_end.link], poses[top_end.link]
+        top_position = pose[:, :3] @ _numbers(marionette, top_end.at) + pose[:, 3]
         names = table.q_K[link.q]
         moves = link.kind == "translation" and set(names) <= driven
         axes = dict(zip(names, (pose[:, :3] @ link.axes).T, strict=True)) if moves else {}
         length = table.q_K[string.driven_length[0]] if string.driven_length else ""
-        at = _numbers(marionette, low.at)
-        strings.append(TiedString(string.name, parts[low.link], at, top, axes, length))
+        at = _numbers(marionette, tie.at)
+        strings.append(TiedString(string.name, parts[tie.link], at, top_position, axes, length))
     return strings
 
 
@@ -331,16 +339,16 @@ def vertical_strings(
     poses = figure.marionette.poses(start.q_D[None], start.q_K[None])[0]
     for string in tied_strings(figure, start):
         frame = frames[string.part]
-        tie = frame[:, :, :3] @ string.at + frame[:, :, 3]
+        tie_positions = frame[:, :, :3] @ string.at + frame[:, :, 3]
         offset = np.zeros(3)
         if lean and string.part != "head":
             pose = poses[figure.marionette.link_index(figure.bodies[string.part])]
             offset = lean * (string.top - pose[:, :3] @ string.at - pose[:, 3]) * [1.0, 1.0, 0.0]
             offset = _heading(figure, frames["trunk"]) @ offset
         for name, axis in string.ends.items():
-            values[name] = values[name] + (tie + offset - string.top) @ axis
+            values[name] = values[name] + (tie_positions + offset - string.top) @ axis
         if string.length:
-            height = np.maximum(string.top[2] - tie[:, 2], 0.01)
+            height = np.maximum(string.top[2] - tie_positions[:, 2], 0.01)
             values[string.length] = np.hypot(height, np.linalg.norm(offset, axis=-1))
     return values
 

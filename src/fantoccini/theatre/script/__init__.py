@@ -19,12 +19,12 @@ from fantoccini.theatre.script.cues import (
     ScoreCue,
     SitsOnCue,
     StandsUpFromCue,
-    Styled,
+    StyledCue,
     TurnsToCue,
     WalkCue,
-    spelled,
+    file_key,
 )
-from fantoccini.theatre.script.log import LATE, ScriptLog
+from fantoccini.theatre.script.log import LATENESS_TOLERANCE, ScriptLog
 from fantoccini.theatre.script.play_file import PlayerFile, PlayFile, PropFile, StageFile
 from fantoccini.theatre.script.reading import (
     is_play,
@@ -35,15 +35,15 @@ from fantoccini.theatre.script.reading import (
 )
 from fantoccini.theatre.script.score_file import ScoreFile, SoundFile
 from fantoccini.theatre.script.timeline import Cue, Moments, Timeline, make_timeline
-from fantoccini.theatre.script.times import Ref, Reference
+from fantoccini.theatre.script.times import ResolvedTime, TimeReference
 from fantoccini.theatre.script.values import DIRECTIONS, END, START, STYLE_WORDS, Spot, Time
-from fantoccini.theatre.script.verbs import ARRIVES, VERBS, MeetingKind, walks
+from fantoccini.theatre.script.verbs import ARRIVAL_MARK, VERBS, MeetingKind, is_walk
 
 __all__ = [
-    "ARRIVES",
+    "ARRIVAL_MARK",
     "DIRECTIONS",
     "END",
-    "LATE",
+    "LATENESS_TOLERANCE",
     "START",
     "STYLE_WORDS",
     "VERBS",
@@ -68,8 +68,7 @@ __all__ = [
     "PropCue",
     "PropFile",
     "PutsDownCue",
-    "Ref",
-    "Reference",
+    "ResolvedTime",
     "ScoreCue",
     "ScoreFile",
     "ScriptLog",
@@ -78,17 +77,18 @@ __all__ = [
     "Spot",
     "StageFile",
     "StandsUpFromCue",
-    "Styled",
+    "StyledCue",
     "Time",
+    "TimeReference",
     "Timeline",
     "TurnsToCue",
     "WalkCue",
+    "file_key",
     "is_play",
     "is_score",
+    "is_walk",
     "make_timeline",
     "play_schema",
     "read_script",
     "score_schema",
-    "spelled",
-    "walks",
 ]

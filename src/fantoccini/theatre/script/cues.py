@@ -17,14 +17,14 @@ from fantoccini.theatre.script.values import (
     Count,
     Facing,
     Factor,
-    How,
     Mark,
-    Names,
+    NameList,
     Spot,
+    StagePlace,
+    StyleWords,
+    Target,
     Time,
-    To,
-    When,
-    Where,
+    TimeList,
 )
 
 
@@ -93,7 +93,7 @@ class MarkedCue(CueFile):
             raise mistake(f"found {len(self.on)} marks in `on`; needed: one")
 
 
-class Styled(MarkedCue):
+class StyledCue(MarkedCue):
     """A cue with variations of its gesture."""
 
     keys_rule: ClassVar[str] = "only `does` has `{key}`"
@@ -143,7 +143,7 @@ class HoldCue(ScoreCue):
     """Duration of the rest."""
 
 
-class PlayedCue(ScoreCue, Styled):
+class PlayedCue(ScoreCue, StyledCue):
     """A gesture or a phrase."""
 
     heading: Angle | None = None
@@ -175,7 +175,7 @@ class GestureCue(PlayedCue):
     """Length of a step of `walk` [m]."""
     turn: Angle | None = None
     """Total angle by which `walk` turns to the left [rad]."""
-    to: To | None = None
+    to: Target | None = None
     """Target of `point` and `look`: a place [m], or the place of a body at the start."""
 
     def model_post_init(self, context: Any, /) -> None:
@@ -195,9 +195,9 @@ class PlayCue(CueFile):
 
     timing_keys: ClassVar[tuple[str, ...]] = ("when", "after")
 
-    who: Names
+    who: NameList
     """A player, several, or `all`."""
-    when: When | None = None
+    when: TimeList | None = None
     """Time at which it begins: a beat of the act, a named time of the play, a moment of a cue
     (`bow.low`), `NAME arrives` or `NAME is done`, with an offset in beats; of several the last."""
     after: NotNegative = 0.0
@@ -250,7 +250,7 @@ class TimedCue(PlayCue, MarkedCue):
             raise mistake(f"found `on: {{{self.mark}: ...}}`; needed: a mark, or `when`")
 
 
-class DoesCue(TimedCue, Styled):
+class DoesCue(TimedCue, StyledCue):
     """A gesture."""
 
     verb: ClassVar[str] = "does"
@@ -259,7 +259,7 @@ class DoesCue(TimedCue, Styled):
     does: str
     """A gesture: a file, a take (.npz) or a clip of motion capture (.bvh) beside this one, or a
     bundled gesture or clip."""
-    how: How = ()
+    how: StyleWords = ()
     """Words that vary the gesture."""
 
 
@@ -268,7 +268,7 @@ class WalkCue(TimedCue):
 
     keys_rule: ClassVar[str] = "only walks have it"
 
-    past: tuple[Where, ...] = ()
+    past: tuple[StagePlace, ...] = ()
     """Marks or places that a walk passes in order, before its goal."""
     near: Length = 0.0
     """Distance from its goal at which a walk may end [m]."""
@@ -283,7 +283,7 @@ class WalkCue(TimedCue):
             for place in (self.verb_value, *self.past)
         ):
             raise mistake(
-                f"found a place of three numbers in `{spelled(self.verb)}`; needed: [x, y]"
+                f"found a place of three numbers in `{file_key(self.verb)}`; needed: [x, y]"
             )
 
 
@@ -292,7 +292,7 @@ class WalksToCue(WalkCue):
 
     verb: ClassVar[str] = "walks_to"
 
-    walks_to: Where = Field(alias="walks to")
+    walks_to: StagePlace = Field(alias="walks to")
     """A mark or a place."""
 
 
@@ -301,7 +301,7 @@ class EntersToCue(WalkCue):
 
     verb: ClassVar[str] = "enters_to"
 
-    enters_to: Where = Field(alias="enters to")
+    enters_to: StagePlace = Field(alias="enters to")
     """A mark or a place."""
 
 
@@ -310,7 +310,7 @@ class ExitsToCue(WalkCue):
 
     verb: ClassVar[str] = "exits_to"
 
-    exits_to: Where = Field(alias="exits to")
+    exits_to: StagePlace = Field(alias="exits to")
     """A mark or a place."""
 
 
@@ -328,7 +328,7 @@ class LooksAtCue(TimedCue):
 
     verb: ClassVar[str] = "looks_at"
 
-    looks_at: Where = Field(alias="looks at")
+    looks_at: StagePlace = Field(alias="looks at")
     """A player, a mark, an obstacle or a place [x, y, z]."""
 
 
@@ -337,7 +337,7 @@ class PointsAtCue(TimedCue):
 
     verb: ClassVar[str] = "points_at"
 
-    points_at: Where = Field(alias="points at")
+    points_at: StagePlace = Field(alias="points at")
     """A player, a mark, an obstacle or a place [x, y, z]."""
 
 
@@ -348,7 +348,7 @@ class PropCue(PlayCue):
         """Refuses several players."""
         if len(self.who) != 1 or self.who == ("all",):
             named = "`all`" if self.who == ("all",) else f"{len(self.who)} players"
-            raise mistake(f"found {named}; needed: one player, who `{spelled(self.verb)}`")
+            raise mistake(f"found {named}; needed: one player, who `{file_key(self.verb)}`")
 
 
 class GivesCue(PropCue):
@@ -409,9 +409,9 @@ class VerblessScoreCue(ScoreCue):
 class VerblessPlayCue(PlayCue):
     """A play's cue without a verb."""
 
-    who: Names = ("all",)
+    who: NameList = ("all",)
 
 
-def spelled(key: str) -> str:
+def file_key(key: str) -> str:
     """A key as it is written: ``walks_to`` is ``walks to``."""
     return key.replace("_", " ")

@@ -6,7 +6,7 @@ from fantoccini.base import Mistake
 from fantoccini.base.documents import Located, Mistakes
 from fantoccini.theatre.script.values import Spot
 
-LATE = 1e-6
+LATENESS_TOLERANCE = 1e-6
 """Lateness above which a cue is reported [s]."""
 
 
@@ -36,10 +36,10 @@ class ScriptLog:
 
     def in_words(self, t: float, of_phrase: bool = False) -> str:
         """Time of the script or of a phrase in words: ``on beat 4.00 (2.40 s)``."""
-        end = " of the phrase" if of_phrase else ""
+        suffix = " of the phrase" if of_phrase else ""
         if self._tempo is None:
-            return f"at {t:.2f} s{end}"
-        return f"on beat {t / self.beat:.2f}{end} ({t:.2f} s)"
+            return f"at {t:.2f} s{suffix}"
+        return f"on beat {t / self.beat:.2f}{suffix} ({t:.2f} s)"
 
     def duration_in_words(self, seconds: float) -> str:
         """A duration in words: ``1.50 beats (0.90 s)``, or in seconds if times are in seconds."""

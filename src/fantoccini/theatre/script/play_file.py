@@ -24,9 +24,9 @@ from fantoccini.base.documents import (
 from fantoccini.model.puppet import WORDS, AnyObstacle, AnyShape, Colour, Mass, PoseValue
 from fantoccini.theatre.script.score_file import SoundsFile
 from fantoccini.theatre.script.unions import AnyPlayCue
-from fantoccini.theatre.script.values import Facing, Factor, Names, Side, Time, Where
+from fantoccini.theatre.script.values import Facing, Factor, NameList, StageAngle, StagePlace, Time
 
-_MAX_ABOVE = math.radians(80.0)
+_MAX_CAMERA_ELEVATION = math.radians(80.0)
 """Largest angle of a camera above or below the horizontal [rad]."""
 
 
@@ -106,8 +106,8 @@ class PropFile(Model):
     held_by: Name | None = Field(None, alias="held by")
     """The player on whose forearm it hangs at the start."""
     side: Literal["left", "right"] = "right"
-    """Side of that forearm."""
-    at: Where | None = None
+    """StageAngle of that forearm."""
+    at: StagePlace | None = None
     """The mark or place where it stands at the start."""
     on: Name | None = None
     """The obstacle on which it stands; the floor by default."""
@@ -135,7 +135,7 @@ class LeashFile(Model):
     held_by: Name = Field(alias="held by")
     """The player that holds it."""
     side: Literal["left", "right"] = "right"
-    """Side of the hand."""
+    """StageAngle of the hand."""
     to: Name
     """The player on whose neck it ends."""
     length: PositiveLength
@@ -153,9 +153,9 @@ class ShotFile(Model):
     when: Time = 0.0
     """Time at which it begins: a beat of the act, a time of the play by name, a moment of a cue,
     `NAME arrives` or `NAME is done`, with an offset in beats."""
-    at: Names = ("all",)
+    at: NameList = ("all",)
     """Players and props that it shows and follows, a mark or an obstacle, or `all`."""
-    from_: Side = Field(0.0, alias="from")
+    from_: StageAngle = Field(0.0, alias="from")
     """Direction from which it sees them; from the audience by default."""
     above: Angle = math.radians(10.0)
     """Angle above the horizontal from which it sees them [rad]."""
@@ -166,7 +166,7 @@ class ShotFile(Model):
 
     def model_post_init(self, context: Any, /) -> None:
         """Refuses a camera that looks straight down or up."""
-        if not abs(self.above) <= _MAX_ABOVE:
+        if not abs(self.above) <= _MAX_CAMERA_ELEVATION:
             degrees = math.degrees(self.above)
             raise mistake(f"found `above: {degrees:.4g} deg`; needed: -80 to 80 deg")
 

@@ -43,22 +43,22 @@ class SoundFile(Model):
     """Factor by which the amplitude is multiplied."""
 
 
-def _wait(value: Any) -> Any:
+def _as_wait(value: Any) -> Any:
     return value if isinstance(value, dict) else {"at": value}
 
 
-def _sounds(value: Any) -> Any:
+def _as_sound_list(value: Any) -> Any:
     if isinstance(value, str):
         return ({"file": value},)
     return (value,) if isinstance(value, dict) else value
 
 
-_AS_WAIT = BeforeValidator(_wait, json_schema_input_type=Time | WaitFile)
+_AS_WAIT = BeforeValidator(_as_wait, json_schema_input_type=Time | WaitFile)
 _AS_SOUNDS = BeforeValidator(
-    _sounds, json_schema_input_type=str | SoundFile | tuple[SoundFile, ...]
+    _as_sound_list, json_schema_input_type=str | SoundFile | tuple[SoundFile, ...]
 )
 SoundsFile = Annotated[tuple[SoundFile, ...], _AS_SOUNDS]
-Cues = Annotated[tuple[AnyScoreCue, ...], Field(min_length=1)]
+NonEmptyCues = Annotated[tuple[AnyScoreCue, ...], Field(min_length=1)]
 
 
 class ScoreFile(Document):
@@ -72,7 +72,7 @@ class ScoreFile(Document):
     """Beats in a minute; times are then in beats, otherwise in seconds."""
     lanes: Annotated[dict[str, tuple[AnyScoreCue, ...]], Field(min_length=1)]
     """Lane -> gestures, in order. Offsets of all lanes add up."""
-    phrases: dict[Name, Cues] = Field(default_factory=dict)
+    phrases: dict[Name, NonEmptyCues] = Field(default_factory=dict)
     """Name -> gestures in order, played as one gesture; times count from its start."""
     marks: dict[Name, Time] = Field(default_factory=dict)
     """Name -> time."""

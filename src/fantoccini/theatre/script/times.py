@@ -25,7 +25,7 @@ _PATTERNS = [
 ]
 
 
-class Timed(Protocol):
+class CueWithMoments(Protocol):
     """A cue to which times may refer."""
 
     @property
@@ -41,12 +41,12 @@ class Timed(Protocol):
         """Whether the file names the cue with the key `name`."""
 
     @property
-    def known(self) -> tuple[str, ...]:
+    def moment_names(self) -> tuple[str, ...]:
         """Names of the cue's moments, such as ``start``."""
 
 
 @dataclass(frozen=True)
-class Reference:
+class TimeReference:
     """A time by name.
 
     Attributes:
@@ -62,11 +62,11 @@ class Reference:
     in_act: bool = False
 
 
-Ref = float | Reference
+ResolvedTime = float | TimeReference
 """A number of beats, or a time by name."""
 
 
-class Times:
+class TimeResolver:
     """Resolver of the names in the times of a script, or of one of its phrases.
 
     Args:
@@ -75,65 +75,70 @@ class Times:
         log: collects mistakes.
     """
 
-    def __init__(self, marks: Mapping[str, Spot], cues: Iterable[Timed], log: ScriptLog):
+    def __init__(self, marks: Mapping[str, Spot], cues: Iterable[CueWithMoments], log: ScriptLog):
         self._marks, self._log = marks, log
-        self._cues: dict[str, list[Timed]] = {}
-        self._own: dict[str, Timed] = {}
+        self._cues: dict[str, list[CueWithMoments]] = {}
+        self._named_cues: dict[str, CueWithMoments] = {}
         for cue in cues:
             if not cue.is_named:
                 if cue.name:
                     self._cues.setdefault(cue.name, []).append(cue)
-            elif cue.name in self._own or cue.name in marks:
+            elif cue.name in self._named_cues or cue.name in marks:
                 text = f"another cue or mark is called {cue.name!r}; needed: a name of its own"
                 log.mistakes.add((*cue.spot, "name"), text)
             else:
-                self._own[cue.name] = cue
+                self._named_cues[cue.name] = cue
 
-    def read(self, given: Time, spot: Spot) -> Ref:
+    def read(self, time: Time, spot: Spot) -> ResolvedTime:
         """Resolves a time of the file to a number [beats] or a reference; 0 after a mistake."""
-        if not isinstance(given, str):
-            return given
-        matches = [match for pattern in _PATTERNS if (match := pattern.fullmatch(given.strip()))]
+        if not isinstance(time, str):
+            return time
+        matches = [match for pattern in _PATTERNS if (match := pattern.fullmatch(time.strip()))]
         if not matches:
-            self._record_unknown(spot, given, "")
+            self._record_unknown(spot, time, "")
             return 0.0
-        names = {*self._marks, *self._own, *self._cues}
-        match = next((other for other in matches if other[1] in names), matches[-1])
+        names = {*self._marks, *self._named_cues, *self._cues}
+        match = next((candidate for candidate in matches if candidate[1] in names), matches[-1])
         # `wave.end-1` is a beat before the end, unless wave has a moment called `end-1`.
-        cues = [self._own[match[1]]] if match[1] in self._own else self._cues.get(match[1], [])
-        if match[2] and not any(match[2] in cue.known for cue in cues):
+        cues = (
+            [self._named_cues[match[1]]]
+            if match[1] in self._named_cues
+            else self._cues.get(match[1], [])
+        )
+        if match[2] and not any(match[2] in cue.moment_names for cue in cues):
             match = next(
                 (
-                    other
-                    for other in matches
-                    if other[1] == match[1] and any(other[2] in cue.known for cue in cues)
+                    candidate
+                    for candidate in matches
+                    if candidate[1] == match[1]
+                    and any(candidate[2] in cue.moment_names for cue in cues)
                 ),
                 match,
             )
         name, moment = match[1], match[2]
         offset = float(match[4] or 0.0) * (-1.0 if match[3] == "-" else 1.0)
         if moment is None and name in self._marks:
-            return Reference(self._marks[name], "", offset)
-        if name not in self._own and name not in self._cues:
-            self._record_unknown(spot, given, name if moment is None else f"{name}.{moment}")
+            return TimeReference(self._marks[name], "", offset)
+        if name not in self._named_cues and name not in self._cues:
+            self._record_unknown(spot, time, name if moment is None else f"{name}.{moment}")
             return 0.0
         cue = self._unique_cue(name, spot)
         if cue is None:
             return 0.0
         if moment is None:
-            text = f"found {shown(given)}; needed: which moment of {name}, as in {name}."
-            self._log.mistakes.add(spot, f"{text}{cue.known[0]}")
-        elif moment not in cue.known:
-            text = f"{name} has no mark {moment!r}{nearest(moment, cue.known)}"
+            text = f"found {shown(time)}; needed: which moment of {name}, as in {name}."
+            self._log.mistakes.add(spot, f"{text}{cue.moment_names[0]}")
+        elif moment not in cue.moment_names:
+            text = f"{name} has no mark {moment!r}{nearest(moment, cue.moment_names)}"
             self._log.mistakes.add(spot, text)
         else:
-            return Reference(cue.spot, moment, offset)
+            return TimeReference(cue.spot, moment, offset)
         return 0.0
 
-    def _unique_cue(self, name: str, spot: Spot) -> Timed | None:
+    def _unique_cue(self, name: str, spot: Spot) -> CueWithMoments | None:
         """The only cue of a name; None after a mistake."""
-        if name in self._own:
-            return self._own[name]
+        if name in self._named_cues:
+            return self._named_cues[name]
         first, *others = self._cues[name]
         if not others:
             return first
@@ -142,14 +147,17 @@ class Times:
         self._log.mistakes.add(spot, text + "a `name`, and use it here")
         return None
 
-    def _record_unknown(self, spot: Spot, given: str, name: str) -> None:
+    def _record_unknown(self, spot: Spot, time: str, name: str) -> None:
         moments = [
             f"{cue.name}.{moment}"
-            for cue in (*self._own.values(), *(cue for same in self._cues.values() for cue in same))
-            for moment in cue.known
+            for cue in (
+                *self._named_cues.values(),
+                *(cue for cues_of_name in self._cues.values() for cue in cues_of_name),
+            )
+            for moment in cue.moment_names
         ]
-        text = f"found {shown(given)}; needed: a time, a mark, or a moment of a cue, with an offset"
-        self._log.mistakes.add(spot, text + nearest(name or given, [*self._marks, *moments]))
+        text = f"found {shown(time)}; needed: a time, a mark, or a moment of a cue, with an offset"
+        self._log.mistakes.add(spot, text + nearest(name or time, [*self._marks, *moments]))
 
 
 def circular_wait(needs: Mapping[Spot, list[Spot]], located: Located) -> tuple[Spot, str] | None:
@@ -165,11 +173,11 @@ def circular_wait(needs: Mapping[Spot, list[Spot]], located: Located) -> tuple[S
         cycle = error.args[1][:-1]
     else:
         return None
-    first = min(cycle, key=lambda spot: located.line(spot) or 0)
-    others = [spot for spot in cycle if spot != first]
-    if not others:
-        return first, "waits for itself"
+    first_spot = min(cycle, key=lambda spot: located.line(spot) or 0)
+    other_spots = [spot for spot in cycle if spot != first_spot]
+    if not other_spots:
+        return first_spot, "waits for itself"
     others_text = ", ".join(
-        f"{located.problem(spot, '').key} (line {located.line(spot)})" for spot in others
+        f"{located.problem(spot, '').key} (line {located.line(spot)})" for spot in other_spots
     )
-    return first, f"waits for itself, by way of {others_text}"
+    return first_spot, f"waits for itself, by way of {others_text}"

@@ -17,18 +17,18 @@ from fantoccini.theatre.script.cues import (
     ScoreCue,
     VerblessPlayCue,
     VerblessScoreCue,
-    spelled,
+    file_key,
 )
 from fantoccini.theatre.script.verbs import VERBS
 
-_VERBLESS = "<none>"
+_VERBLESS_TAG = "<none>"
 """Tag without a class: hints for unknown keys are then those of the whole union."""
 
 
-def _keys(cue: type[CueFile]) -> dict[str, str]:
+def _rules_of_keys(cue: type[CueFile]) -> dict[str, str]:
     """Keys of a cue as they are written -> sentence about the cues that have them."""
     return {
-        spelled(key): next(
+        file_key(key): next(
             base.keys_rule
             for base in cue.__mro__
             if issubclass(base, CueFile) and key in base.__annotations__
@@ -51,57 +51,59 @@ class _ByVerb:
         self, kind: type[CueFile], verbless: type[CueFile], no_verb: str, needed: str = ""
     ):
         classes = [verb.cue for verb in VERBS.values() if issubclass(verb.cue, kind)]
-        self._cues = {spelled(cue.verb): cue for cue in classes}
-        self._keys = {cue: _keys(cue) for cue in classes}
+        self._cues = {file_key(cue.verb): cue for cue in classes}
+        self._rules_of_keys = {cue: _rules_of_keys(cue) for cue in classes}
         self._needed = needed or ", ".join(f"`{verb}`" for verb in self._cues)
         self._no_verb, self._verbless = no_verb, verbless
 
     @property
     def union(self) -> Any:
         """Union of the classes, as a type of a file's field."""
-        members: list[Any] = [Annotated[cue, Tag(_tag(cue))] for cue in self._keys]
-        hidden: Any = SkipJsonSchema
-        members.append(Annotated[hidden[self._verbless], Tag(_VERBLESS)])
-        either: Any = Union[tuple(members)]  # noqa: UP007
-        return Annotated[either, Discriminator(self.tag), BeforeValidator(self.check)]
+        members: list[Any] = [Annotated[cue, Tag(_tag(cue))] for cue in self._rules_of_keys]
+        without_schema: Any = SkipJsonSchema
+        members.append(Annotated[without_schema[self._verbless], Tag(_VERBLESS_TAG)])
+        union: Any = Union[tuple(members)]  # noqa: UP007
+        return Annotated[union, Discriminator(self.tag), BeforeValidator(self.check)]
 
     def tag(self, data: Any) -> str:
         """Tag of the cue's class."""
         if isinstance(data, CueFile):
             return _tag(type(data))
         verbs = self._verbs(data) if isinstance(data, dict) else []
-        return _tag(self._cues[verbs[0]]) if verbs else _VERBLESS
+        return _tag(self._cues[verbs[0]]) if verbs else _VERBLESS_TAG
 
     def check(self, data: Any) -> Any:
         """Refuses several verbs, keys of other verbs, and missing keys of the verb."""
         if not isinstance(data, dict):
             return data
-        keys_present, verbs = {spelled(str(key)) for key in data}, self._verbs(data)
-        known = {key for keys in self._keys.values() for key in keys}
+        keys_present, verbs = {file_key(str(key)) for key in data}, self._verbs(data)
+        all_keys = {key for keys in self._rules_of_keys.values() for key in keys}
         if len(verbs) > 1:
-            both = " and ".join(f"`{verb}`" for verb in verbs)
-            raise mistake(f"found both {both}; needed: one of {self._needed}")
+            verbs_text = " and ".join(f"`{verb}`" for verb in verbs)
+            raise mistake(f"found both {verbs_text}; needed: one of {self._needed}")
         if not verbs:
-            if keys_present <= known:
+            if keys_present <= all_keys:
                 raise mistake(f"found {self._no_verb}; needed: one of {self._needed}")
-            return {key: value for key, value in data.items() if spelled(str(key)) not in known}
+            return {key: value for key, value in data.items() if file_key(str(key)) not in all_keys}
         cue = self._cues[verbs[0]]
-        allowed = self._keys[cue]
-        foreign = {
-            key: value for key, value in data.items() if spelled(str(key)) in known - {*allowed}
+        allowed = self._rules_of_keys[cue]
+        foreign_entries = {
+            key: value for key, value in data.items() if file_key(str(key)) in all_keys - {*allowed}
         }
-        for key in sorted(spelled(key) for key, value in foreign.items() if value is not None):
-            keys_rule = next(keys[key] for keys in self._keys.values() if key in keys)
-            sentence = cue.other_keys_rule or keys_rule.format(key=key)
-            raise mistake(f"found `{verbs[0]}` with `{key}`; {sentence}")
-        for key, sentence in allowed.items():
-            needed = cue.model_fields[key.replace(" ", "_")].is_required()
-            if needed and sentence and key not in keys_present | {*verbs}:
-                raise mistake(f"found no `{key}`; {sentence}")
-        return {key: value for key, value in data.items() if key not in foreign}
+        for key in sorted(
+            file_key(key) for key, value in foreign_entries.items() if value is not None
+        ):
+            keys_rule = next(keys[key] for keys in self._rules_of_keys.values() if key in keys)
+            rule = cue.other_keys_rule or keys_rule.format(key=key)
+            raise mistake(f"found `{verbs[0]}` with `{key}`; {rule}")
+        for key, rule in allowed.items():
+            is_required = cue.model_fields[key.replace(" ", "_")].is_required()
+            if is_required and rule and key not in keys_present | {*verbs}:
+                raise mistake(f"found no `{key}`; {rule}")
+        return {key: value for key, value in data.items() if key not in foreign_entries}
 
     def _verbs(self, data: dict[Any, Any]) -> list[str]:
-        keys_present = {spelled(str(key)) for key, value in data.items() if value is not None}
+        keys_present = {file_key(str(key)) for key, value in data.items() if value is not None}
         return [verb for verb in self._cues if verb in keys_present]
 
 
@@ -114,6 +116,6 @@ if TYPE_CHECKING:
     AnyScoreCue = ScoreCue
     AnyPlayCue = PlayCue
 else:
-    _VERBS_OF_SCORES = "`gesture`, `phrase` and `hold`"
-    AnyScoreCue = _ByVerb(ScoreCue, VerblessScoreCue, "none of them", _VERBS_OF_SCORES).union
+    _SCORE_VERBS_TEXT = "`gesture`, `phrase` and `hold`"
+    AnyScoreCue = _ByVerb(ScoreCue, VerblessScoreCue, "none of them", _SCORE_VERBS_TEXT).union
     AnyPlayCue = _ByVerb(PlayCue, VerblessPlayCue, "no verb").union

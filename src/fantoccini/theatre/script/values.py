@@ -46,17 +46,17 @@ STYLE_WORDS: dict[str, dict[str, Any]] = {
 
 _FACTOR_RANGE = (1e-3, 1e3)
 """Least and largest factor of sizes, speeds and durations."""
-_MARK = rf"{NAME}( \d+)?"
+_MARK_PATTERN = rf"{NAME}( \d+)?"
 
 
-def _factor(number: float) -> float:
+def _check_factor(number: float) -> float:
     low, high = _FACTOR_RANGE
     if not low <= number <= high:
         raise mistake(f"found {number:g}; needed: a number from {low:g} to {high:g}")
     return number
 
 
-def _time(value: Any) -> float | str:
+def _check_time(value: Any) -> float | str:
     if isinstance(value, str):
         return value
     try:
@@ -68,7 +68,7 @@ def _time(value: Any) -> float | str:
     return number
 
 
-def _to(value: Any) -> Any:
+def _check_target(value: Any) -> Any:
     if isinstance(value, str):
         return value
     if not isinstance(value, list | tuple) or len(value) != 3:
@@ -76,8 +76,8 @@ def _to(value: Any) -> Any:
     return tuple(read_real(number) for number in value)
 
 
-def _mark(text: str) -> str:
-    if not re.fullmatch(_MARK, text, re.ASCII):
+def _check_mark(text: str) -> str:
+    if not re.fullmatch(_MARK_PATTERN, text, re.ASCII):
         raise mistake(f"found {shown(text)}; needed: a mark of the gesture, such as up or left 2")
     return text
 
@@ -86,18 +86,18 @@ def _as_tuple(value: Any) -> Any:
     return (value,) if isinstance(value, str) else value
 
 
-def _times(value: Any) -> Any:
+def _as_times(value: Any) -> Any:
     return tuple(value) if isinstance(value, list | tuple) else (value,)
 
 
-def _facing(value: Any) -> Any:
+def _read_facing(value: Any) -> Any:
     if isinstance(value, str) and not value.lstrip()[:1].isdigit() and value[:1] not in "+-.":
         return value
     return read_angle(value)
 
 
-def _side(given: Any) -> float:
-    value: float | str = _facing(given)
+def _read_side(given: Any) -> float:
+    value: float | str = _read_facing(given)
     if not isinstance(value, str):
         return value
     if value not in DIRECTIONS:
@@ -106,7 +106,7 @@ def _side(given: Any) -> float:
     return math.radians(DIRECTIONS[value])
 
 
-def _where(value: Any) -> Any:
+def _check_where(value: Any) -> Any:
     if isinstance(value, str):
         return value
     if not isinstance(value, list | tuple) or len(value) not in (2, 3):
@@ -114,7 +114,7 @@ def _where(value: Any) -> Any:
     return tuple(value)
 
 
-def _style_word(value: str) -> str:
+def _check_style_word(value: str) -> str:
     if value not in STYLE_WORDS:
         raise mistake(
             f"found {shown(value)}; allowed: {', '.join(STYLE_WORDS)}{nearest(value, STYLE_WORDS)}"
@@ -123,50 +123,56 @@ def _style_word(value: str) -> str:
 
 
 Mark = Annotated[
-    str, AfterValidator(_mark), WithJsonSchema({"type": "string", "pattern": f"^{_MARK}$"})
+    str,
+    AfterValidator(_check_mark),
+    WithJsonSchema({"type": "string", "pattern": f"^{_MARK_PATTERN}$"}),
 ]
 """A mark of a gesture; `left 2` is the second one named `left`."""
-To = Annotated[
+Target = Annotated[
     tuple[float, float, float] | str,
-    BeforeValidator(_to, json_schema_input_type=Place | str),
+    BeforeValidator(_check_target, json_schema_input_type=Place | str),
     SIZED,
 ]
 """A place, or the name of a body."""
-Factor = Annotated[Real, AfterValidator(_factor)]
+Factor = Annotated[Real, AfterValidator(_check_factor)]
 Count = Annotated[int, Field(ge=1, le=1000)]
 Time = Annotated[
     float | str,
-    BeforeValidator(_time),
+    BeforeValidator(_check_time),
     WithJsonSchema({"anyOf": [{"type": "number", "minimum": 0}, {"type": "string"}]}),
 ]
 """A time, or a mark or a moment of a cue with an offset: `chorus + 2`, `wave.up`, `bow.end - 1`."""
-When = Annotated[
-    tuple[Time, ...], BeforeValidator(_times, json_schema_input_type=Time | tuple[Time, ...])
+TimeList = Annotated[
+    tuple[Time, ...], BeforeValidator(_as_times, json_schema_input_type=Time | tuple[Time, ...])
 ]
-Where = Annotated[str | tuple[Real, Real] | tuple[Real, Real, Real], BeforeValidator(_where), SIZED]
+StagePlace = Annotated[
+    str | tuple[Real, Real] | tuple[Real, Real, Real], BeforeValidator(_check_where), SIZED
+]
 """A mark, player or obstacle, or a place: x towards the audience, y to the audience's right [m]."""
 Facing = Annotated[
     float | str,
-    BeforeValidator(_facing),
+    BeforeValidator(_read_facing),
     SIZED,
     WithJsonSchema({"anyOf": [{"type": "number"}, {"type": "string"}]}),
 ]
 """Angle from the audience to the left, or `audience`, `left`, `right`, `back`, or what to face."""
-Side = Annotated[
+StageAngle = Annotated[
     float,
-    BeforeValidator(_side),
+    BeforeValidator(_read_side),
     SIZED,
     WithJsonSchema({"anyOf": [{"type": "number"}, {"type": "string"}]}),
 ]
 """Angle from the audience to the left, or `audience`, `left`, `right`, `back`."""
-Names = Annotated[
+NameList = Annotated[
     tuple[Name, ...],
     BeforeValidator(_as_tuple, json_schema_input_type=str | tuple[str, ...]),
     Field(min_length=1),
 ]
-_StyleWord = Annotated[
-    str, AfterValidator(_style_word), WithJsonSchema({"type": "string", "enum": list(STYLE_WORDS)})
+StyleWord = Annotated[
+    str,
+    AfterValidator(_check_style_word),
+    WithJsonSchema({"type": "string", "enum": list(STYLE_WORDS)}),
 ]
-How = Annotated[
-    tuple[_StyleWord, ...], BeforeValidator(_as_tuple, json_schema_input_type=str | tuple[str, ...])
+StyleWords = Annotated[
+    tuple[StyleWord, ...], BeforeValidator(_as_tuple, json_schema_input_type=str | tuple[str, ...])
 ]

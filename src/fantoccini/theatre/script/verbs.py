@@ -19,29 +19,29 @@ class Verb:
 
     Attributes:
         cue: class of its cues.
-        called: name by which times refer to its cues; "" if it is that of the gesture.
-        moves: scope of the motion: ``strings``, the ``player``, or a ``thing`` as well.
-        names: key -> kind of the name in it: ``place``, ``direction``, ``player``, ``prop``,
+        default_name: name by which times refer to its cues; "" if it is that of the gesture.
+        motion_scope: scope of the motion: ``strings``, the ``player``, or a ``thing`` as well.
+        name_kinds: key -> kind of the name in it: ``place``, ``direction``, ``player``, ``prop``,
             ``seat`` or ``table``.
         marks: marks of its gesture.
-        meets: kind of the meeting in which players and props touch, which is then verified.
-        located: property of a prop that is measured in the previous run: the ``place`` where it
-            stands, or its ``handle`` on a forearm.
+        meeting: kind of the meeting in which players and props touch, which is then verified.
+        measured_property: property of a prop that is measured in the previous run: the ``place``
+            where it stands, or its ``handle`` on a forearm.
     """
 
     cue: type[CueFile]
-    moves: Literal["strings", "player", "thing"]
-    called: str = ""
-    names: Mapping[str, str] = field(default_factory=dict)
+    motion_scope: Literal["strings", "player", "thing"]
+    default_name: str = ""
+    name_kinds: Mapping[str, str] = field(default_factory=dict)
     marks: tuple[str, ...] = ()
-    meets: MeetingKind | None = None
-    located: Literal["", "place", "handle"] = ""
+    meeting: MeetingKind | None = None
+    measured_property: Literal["", "place", "handle"] = ""
 
 
-ARRIVES = "arrives"
+ARRIVAL_MARK = "arrives"
 """Mark at the end of a walk."""
 
-_WALK = {"past": "place", "facing": "direction"}
+_WALK_NAME_KINDS = {"past": "place", "facing": "direction"}
 
 VERBS: dict[str, Verb] = {
     verb.cue.verb: verb
@@ -50,10 +50,28 @@ VERBS: dict[str, Verb] = {
         Verb(cues.PhraseCue, "strings"),
         Verb(cues.HoldCue, "strings"),
         Verb(cues.DoesCue, "strings"),
-        Verb(cues.WalksToCue, "player", "walk", {"walks_to": "place", **_WALK}, (ARRIVES,)),
-        Verb(cues.EntersToCue, "player", "enter", {"enters_to": "place", **_WALK}, (ARRIVES,)),
-        Verb(cues.ExitsToCue, "player", "exit", {"exits_to": "place", **_WALK}, (ARRIVES,)),
-        Verb(cues.TurnsToCue, "player", "turn", {"turns_to": "direction"}, (ARRIVES,)),
+        Verb(
+            cues.WalksToCue,
+            "player",
+            "walk",
+            {"walks_to": "place", **_WALK_NAME_KINDS},
+            (ARRIVAL_MARK,),
+        ),
+        Verb(
+            cues.EntersToCue,
+            "player",
+            "enter",
+            {"enters_to": "place", **_WALK_NAME_KINDS},
+            (ARRIVAL_MARK,),
+        ),
+        Verb(
+            cues.ExitsToCue,
+            "player",
+            "exit",
+            {"exits_to": "place", **_WALK_NAME_KINDS},
+            (ARRIVAL_MARK,),
+        ),
+        Verb(cues.TurnsToCue, "player", "turn", {"turns_to": "direction"}, (ARRIVAL_MARK,)),
         Verb(cues.LooksAtCue, "strings", "look", {"looks_at": "place"}, ("there",)),
         Verb(cues.PointsAtCue, "strings", "point", {"points_at": "place"}, ("points",)),
         Verb(
@@ -90,6 +108,6 @@ VERBS: dict[str, Verb] = {
 """Key of a verb -> the verb."""
 
 
-def walks(given: CueFile) -> bool:
+def is_walk(entry: CueFile) -> bool:
     """Whether a cue moves the players over the stage."""
-    return VERBS[given.verb].moves == "player"
+    return VERBS[entry.verb].motion_scope == "player"
