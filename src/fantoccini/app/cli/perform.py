@@ -36,10 +36,10 @@ def perform_play(arguments: PerformArguments) -> None:
         raise FileError([Mistake(str(arguments.file), None, "", message)])
     with ProgressDisplay(arguments.quiet) as display:
         display.stage(f"compiling {arguments.file}")
-        show = LivePlay(load_play(arguments.file, on_disk=True))
+        live_play = LivePlay(load_play(arguments.file, on_disk=True))
         display.stage("opening the page")
         page = open_show(
-            show,
+            live_play,
             arguments.theme.value,
             arguments.host,
             arguments.port,

@@ -119,23 +119,23 @@ def send_lines(points: SetPoints, arguments: StandStreamArguments) -> None:
 def _check_line_options(points: SetPoints, arguments: StandStreamArguments) -> None:
     """Raises a usage error for options that do not apply to the controllers."""
     kinds = ", ".join(part.controller.type for part in points.parts.values())
-    are_several = "" not in points.parts
+    has_several = "" not in points.parts
     if arguments.to is not None:
         fail(f"applies to osc and artnet, but this stand has {kinds}", "--to")
-    if arguments.from_time is not None and not are_several:
+    if arguments.from_time is not None and not has_several:
         text = f"applies to osc, artnet or several controllers, but this stand has one, {kinds}"
         fail(f"{text}; needed: --from-line N", "--from-time")
-    if arguments.from_line is not None and are_several:
+    if arguments.from_line is not None and has_several:
         text = "applies to stands with one controller; several continue at a common time"
         fail(f"{text}; needed: --from-time S", "--from-line")
 
 
-def _ports(parts: Mapping[str, SetPoints], given: list[str]) -> dict[str, str]:
+def _ports(parts: Mapping[str, SetPoints], port_options: list[str]) -> dict[str, str]:
     """Name of a controller -> its serial port: as given, otherwise that of the stand's file."""
     ports = {name: part.controller.port for name, part in parts.items()}
-    are_several = "" not in parts
-    for text in given:
-        name, _, port = text.partition("=") if are_several else ("", "", text)
+    has_several = "" not in parts
+    for text in port_options:
+        name, _, port = text.partition("=") if has_several else ("", "", text)
         if name not in ports or not port:
             names = ", ".join(ports)
             fail(f"found {text!r}; needed: NAME=PORT, NAME one of {names}", "--port")
@@ -251,10 +251,10 @@ def _hold_on_interrupt() -> Iterator[threading.Event]:
         signal.signal(signal.SIGINT, previous_handler)
 
 
-def _ask_to_continue(where: str, connection_lost: threading.Event | None = None) -> bool:
+def _ask_to_continue(position_text: str, connection_lost: threading.Event | None = None) -> bool:
     """Asks whether to continue a paused motion; no as soon as ``connection_lost`` is set."""
-    print_message(f"paused at {where}; Enter continues, Ctrl-C stops")
-    previous_handler = signal.signal(signal.SIGINT, _interrupt)
+    print_message(f"paused at {position_text}; Enter continues, Ctrl-C stops")
+    previous_handler = signal.signal(signal.SIGINT, _raise_interrupt)
     try:
         return _wait_for_enter(connection_lost or threading.Event())
     except KeyboardInterrupt:
@@ -279,5 +279,5 @@ def _wait_for_enter(ended: threading.Event) -> bool:
     return False
 
 
-def _interrupt(number: int, frame: FrameType | None) -> None:
+def _raise_interrupt(number: int, frame: FrameType | None) -> None:
     raise KeyboardInterrupt

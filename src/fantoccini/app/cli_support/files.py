@@ -10,7 +10,7 @@ from typing import NoReturn
 
 import typer
 
-from fantoccini.app.cli_support.terminal import printable
+from fantoccini.app.cli_support.terminal import escape_unprintable
 from fantoccini.base import FantocciniError, InputError, Mistake, OnProgress, PuppetError, nearest
 from fantoccini.dynamics.marionette import Marionette, StringModel, load
 from fantoccini.model.puppet import bundled_files
@@ -140,4 +140,4 @@ def check_new_folder(folder: Path, option: str) -> None:
 
 def fail(message: str, option: str) -> NoReturn:
     """Raises a usage error about an option: exit code 2."""
-    raise typer.BadParameter(printable(message), param_hint=option)
+    raise typer.BadParameter(escape_unprintable(message), param_hint=option)

@@ -99,13 +99,13 @@ def report_lateness(rehearsal: Rehearsal) -> None:
                 before.mark,
                 before.string,
                 f"{before.cue.marks[before.mark]:.2f}",
-                _ms(before),
-                _ms(after),
+                _ms_text(before),
+                _ms_text(after),
             )
             for before, after in zip(rehearsal.before, rehearsal.late, strict=True)
         ],
     )
 
 
-def _ms(late: Late) -> str:
+def _ms_text(late: Late) -> str:
     return f"{1e3 * late.seconds:.0f}"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from fantoccini.app.cli_support.terminal import number, print_message
+from fantoccini.app.cli_support.terminal import format_number, print_message
 from fantoccini.base import npz
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import RECORDING_FORMATS, State
@@ -57,7 +57,7 @@ def _differences(marionette: Marionette, recorded: Marionette) -> list[str]:
         dict(zip(m.tree.parameters, m.p.tolist(), strict=True)) for m in (marionette, recorded)
     )
     clauses = [
-        f"{name} was {number(value)} and is {number(new[name])} in FILE"
+        f"{name} was {format_number(value)} and is {format_number(new[name])} in FILE"
         for name, value in old.items()
         if name in new and new[name] != value
     ]

@@ -6,7 +6,7 @@ from collections import Counter
 
 import numpy as np
 
-from fantoccini.app.cli_support.terminal import number, print_output, print_table
+from fantoccini.app.cli_support.terminal import format_number, print_output, print_table
 from fantoccini.motion import EventKind, Trajectory
 
 _MAX_NAMED = 16
@@ -42,7 +42,7 @@ def report_run(run: Trajectory, seconds: float) -> None:
                 f"{longest_slack(run, name):.3f}",
                 float(np.min(tension)),
                 float(np.max(tension)),
-                number(largest_impulse[name]) if name in largest_impulse else "",
+                format_number(largest_impulse[name]) if name in largest_impulse else "",
             )
             for name, tension in run.tension.items()
         ],

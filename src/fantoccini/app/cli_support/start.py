@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
 from fantoccini.app.cli_support.files import fail
-from fantoccini.app.cli_support.terminal import number, print_message
+from fantoccini.app.cli_support.terminal import format_number, print_message
 from fantoccini.base.documents import Angle
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.lab.sweeps import trial
@@ -73,6 +73,6 @@ def start_state(
             k = int(np.argmax(displacement))
             print_message(
                 "changed the start to the nearest state that strings and limits allow: "
-                f"{table.q_D[k]} is {number(float(x.q_D[k]))}"
+                f"{table.q_D[k]} is {format_number(float(x.q_D[k]))}"
             )
     return x

@@ -21,7 +21,7 @@ _PAGE_WIDTH = 110
 """Width of equations outside a terminal [characters]."""
 
 
-def printable(text: object) -> str:
+def escape_unprintable(text: object) -> str:
     """The text with unprintable characters escaped, except line breaks."""
     return "".join(
         c if c.isprintable() or c == "\n" else c.encode("unicode_escape").decode("ascii")
@@ -31,12 +31,12 @@ def printable(text: object) -> str:
 
 def print_output(text: object = "") -> None:
     """Prints a line of data on stdout."""
-    typer.echo(printable(text))
+    typer.echo(escape_unprintable(text))
 
 
 def print_message(text: object) -> None:
     """Prints a message on stderr."""
-    typer.echo(printable(text), err=True)
+    typer.echo(escape_unprintable(text), err=True)
 
 
 def print_table(title: str, columns: Sequence[str], lines: Sequence[Sequence[object]]) -> None:
@@ -59,24 +59,24 @@ def print_table(title: str, columns: Sequence[str], lines: Sequence[Sequence[obj
             Text(heading.rstrip(">")), justify="right" if right else "left", overflow="fold"
         )
     for line in lines:
-        grid.add_row(*(Text(printable(number(cell))) for cell in line))
+        grid.add_row(*(Text(escape_unprintable(format_number(cell))) for cell in line))
     console = _console(sys.stdout)
-    console.print(Text(printable(title), style="bold"))
+    console.print(Text(escape_unprintable(title), style="bold"))
     console.print(grid)
     console.print()
 
 
-def version() -> str:
+def version_text() -> str:
     """Version of the package."""
     return sys.modules["fantoccini"].__version__
 
 
-def number(cell: object) -> str:
+def format_number(cell: object) -> str:
     """Text of a cell: five digits of a float, anything else unchanged."""
     return f"{cell + 0.0:.5g}" if isinstance(cell, float) else str(cell)
 
 
-def width() -> int:
+def terminal_width() -> int:
     """Width of a line on stdout [characters]."""
     return _console(sys.stdout).width if sys.stdout.isatty() else _PAGE_WIDTH
 
@@ -135,14 +135,14 @@ class ProgressDisplay:
             self._begin(at.what, 1.0 if share_known else None)
         self._stage = at.what if share_known else ""
         if share_known:
-            self._show_share(at.share, printable(at.what))
+            self._show_share(at.share, escape_unprintable(at.what))
 
     def _show_share(self, share: float, text: str | None = None) -> None:
         if self._bars is not None and self._task is not None:
             self._bars.update(self._task, completed=share, description=text)
 
     def _begin(self, text: str, total: float | None) -> None:
-        text, self._stage = printable(text).replace("\n", " "), ""
+        text, self._stage = escape_unprintable(text).replace("\n", " "), ""
         if self._bars is not None:
             self._finish(self._bars)
             self._task = self._bars.add_task(text, total=total)
