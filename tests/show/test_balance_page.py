@@ -53,7 +53,7 @@ def test_a_body_is_pulled_at_and_let_go_while_the_hands_balance_it(page):
 def test_the_box_gives_the_hands_back_and_a_reset_keeps_them_balancing(page):
     live = page.view
     with Viewer(page.url) as viewer:
-        live.later(None, live.reset)
+        live.enqueue(None, live.reset)
         until(lambda: live.balance is not None, "hands that still balance", 120.0)
         viewer.tick("Let the hands balance it", False)
         until(lambda: live.balance is None, "hands with targets")

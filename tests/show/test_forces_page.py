@@ -92,7 +92,7 @@ def test_a_replay_draws_them_as_pictures_do(run):
         replay.seek(0.4)
         ticked(replay, True)
         until(lambda: node_of(replay).visible, "arrows")
-        k = replay.motion.frame(0.4)
+        k = replay.motion.frame_index(0.4)
         until(lambda: replay.shown == k, "that time")
         wanted = scene_at_sample(replay.motion.geometry, k).arrows
         assert node_of(replay).points == pytest.approx(wanted, abs=1e-6)

@@ -41,7 +41,7 @@ def drag(scene, monkeypatch, down: int) -> np.ndarray:
     """Drag the bead down by pixels; return its motion in the picture, right and down."""
     from selenium.webdriver.common.actions.action_builder import ActionBuilder
 
-    monkeypatch.setattr(scene.live.holder, "idle", 60.0)
+    monkeypatch.setattr(scene.live.holder, "max_idle_time", 60.0)
     live, performance = scene.live, scene.performance
     performance.reset()
     rectangle = canvas(scene.browser)

@@ -96,7 +96,7 @@ def settled(browser) -> np.ndarray:
 
 def in_step(browser, swing):
     """Bodies, strings, clock and numbers of an exported page belong to one time."""
-    motion = ResampledRun.of(fan.loads(TOY), swing, rate=60.0)
+    motion = ResampledRun.from_run(fan.loads(TOY), swing, rate=60.0)
     server = Server("toy", LIGHT, port=0)
     view = SceneNodes(server.viser, motion.geometry, LIGHT).view("three-quarter")
     server.stop()
@@ -123,7 +123,7 @@ def stands_at(
     browser, t: float, motion: ResampledRun, swing: fan.Trajectory, camera: SimpleNamespace
 ):
     """Clock, tension, ball and string of an exported page belong to a time [s]."""
-    k = motion.frame(t)
+    k = motion.frame_index(t)
     says = "return ['clock', 'readings'].map(n => document.getElementById(n).innerText)"
 
     def told() -> bool:

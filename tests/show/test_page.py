@@ -50,7 +50,7 @@ def free_strings(request):
     """Every test begins with free strings, and with running time."""
     if "scene" in request.fixturenames:
         live = request.getfixturevalue("scene").live
-        live.holder.leave(live.holder.viewer)
+        live.holder.release(live.holder.viewer)
         if live.paused:
             live.pause()
 
@@ -85,7 +85,7 @@ def test_the_puppet_is_seen_with_its_numbers(scene):
 def test_a_bead_is_dragged_and_the_puppet_follows(scene, monkeypatch):
     from selenium.webdriver.common.actions.action_builder import ActionBuilder
 
-    monkeypatch.setattr(scene.live.holder, "idle", 60.0)  # a slow machine releases later
+    monkeypatch.setattr(scene.live.holder, "max_idle_time", 60.0)  # a slow machine releases later
     until(lambda: at_rest(scene), "the puppet hangs still")
     before = scene.performance.place("line")[0]
     bob = scene.performance.state.q_D[:3].copy()
@@ -269,7 +269,7 @@ def test_a_gamepad_moves_winds_pauses_and_records(scene):
 def test_two_tabs_compete_for_the_strings(scene, monkeypatch):
     from selenium.webdriver.common.keys import Keys
 
-    monkeypatch.setattr(scene.live.holder, "idle", 60.0)
+    monkeypatch.setattr(scene.live.holder, "max_idle_time", 60.0)
     browser, performance = scene.browser, scene.performance
     clients = scene.page.server.viser.get_clients
     first = browser.current_window_handle

@@ -79,8 +79,8 @@ def quiet(request):
     """Every test begins at the start, with nothing played and free strings."""
     if "scene" in request.fixturenames:
         live = request.getfixturevalue("scene").live
-        live.holder.leave(live.holder.viewer)
-        live.later(None, live.reset)
+        live.holder.release(live.holder.viewer)
+        live.enqueue(None, live.reset)
         until(live.jobs.empty, "the jobs are done")
 
 
@@ -231,7 +231,7 @@ def test_a_viewer_without_the_strings_changes_nothing(scene, monkeypatch):
     name, stage = recorded(scene), scene.stage
     until(lambda: scene.live.panel.takes.part_of == name, "its part is shown")
     other = stage.takes.names[-1]
-    monkeypatch.setattr(scene.live.holder, "idle", 60.0)
+    monkeypatch.setattr(scene.live.holder, "max_idle_time", 60.0)
     with Viewer(scene.page.url) as second:
         scene.viewer.tick("On the beat", False)
         until(lambda: scene.live.holder.viewer is not None, "the first holds the strings")

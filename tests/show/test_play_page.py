@@ -13,7 +13,7 @@ from tests.show.viewer import Viewer
 from websockets.sync.client import connect
 
 import fantoccini as fan
-from fantoccini.app.web.page import open_show
+from fantoccini.app.web.page import open_live_play
 
 pytestmark = pytest.mark.slow
 
@@ -23,14 +23,14 @@ def scene(tmp_path_factory):
     folder = tmp_path_factory.mktemp("show")
     (folder / "short.yaml").write_text(PLAY, encoding="utf-8")
     show = fan.theatre.LivePlay(fan.load_play(folder / "short.yaml"))
-    with open_show(show, "light", "127.0.0.1", 0, folder) as page, Viewer(page.url) as viewer:
+    with open_live_play(show, "light", "127.0.0.1", 0, folder) as page, Viewer(page.url) as viewer:
         yield SimpleNamespace(page=page, show=show, viewer=viewer)
 
 
 @pytest.fixture(autouse=True)
 def begun(scene):
     """Every test begins before the first GO."""
-    scene.page.view.later(None, scene.page.view.reset)
+    scene.page.view.enqueue(None, scene.page.view.reset)
     until(lambda: scene.show.voice is None, "it is at the start")
 
 

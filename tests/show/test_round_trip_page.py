@@ -33,7 +33,7 @@ def scene(browser, tmp_path, monkeypatch):
     """A live page in the browser, and strings that stay in this viewer's hands."""
     page = fan.show(toy(tmp_path), port=0, browser=False, wait=False, record_to=tmp_path)
     with page:
-        monkeypatch.setattr(page.view.holder, "idle", 60.0)
+        monkeypatch.setattr(page.view.holder, "max_idle_time", 60.0)
         page.view.panel.views.shadows_box.value = False  # software draws them slowly
         browser.get(page.url)
         clients = page.server.viser.get_clients

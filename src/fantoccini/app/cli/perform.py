@@ -26,7 +26,7 @@ def perform_play(arguments: PerformArguments) -> None:
     send_to = target_address(arguments.osc_out, "--osc-out")
     if receive_at is not None and receive_at == send_to:
         fail(f"found {receive_at}, which is also --osc-in; needed: another address", "--osc-out")
-    from fantoccini.app.web import open_show
+    from fantoccini.app.web import open_live_play
     from fantoccini.theatre.perform import LivePlay
     from fantoccini.theatre.plays import load_play
     from fantoccini.theatre.script import is_play
@@ -38,7 +38,7 @@ def perform_play(arguments: PerformArguments) -> None:
         display.stage(f"compiling {arguments.file}")
         live_play = LivePlay(load_play(arguments.file, on_disk=True))
         display.stage("opening the page")
-        page = open_show(
+        page = open_live_play(
             live_play,
             arguments.theme.value,
             arguments.host,

@@ -80,13 +80,19 @@ def _write_outputs(arguments: PlayArguments, verification: Verification, out: li
         if out:
             from fantoccini.output.view import AUDIENCE
 
-            films = {**film_options(play.score), "follow": False}
+            film_arguments = {**film_options(play.score), "follow": False}
             if output_options.view is None:
                 output_options = replace(output_options, view=AUDIENCE)
-                films["shots"] = play.shots
+                film_arguments["shots"] = play.shots
             run = verification.run
             write_outputs(
-                play.marionette, run, out, None, display, output_options=output_options, films=films
+                play.marionette,
+                run,
+                out,
+                None,
+                display,
+                output_options=output_options,
+                film_options=film_arguments,
             )
 
 

@@ -111,7 +111,7 @@ def simulate_file(arguments: SimulateArguments) -> None:
                 arguments.plot,
                 display,
                 output_options=output_options,
-                films=film_options,
+                film_options=film_options,
             )
         except OutputError as error:
             output_error = error  # the summary of the run comes first

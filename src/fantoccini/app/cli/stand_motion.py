@@ -1,4 +1,4 @@
-"""``fantoccini stand export``, ``stream`` and ``emulate_controllers``: runs as motions of motors."""
+"""``fantoccini stand export``, ``stream`` and ``emulate``: runs as motions of motors."""
 
 from __future__ import annotations
 
@@ -199,8 +199,8 @@ def _receive_packets(
 def _positions_csv(end: float, positions: Callable[[Times], Array], names: list[str]) -> str:
     t = np.arange(int(end * _SAMPLE_RATE) + 2) / _SAMPLE_RATE
     lines = [",".join(["t [s]", *names])]
-    for time, row in zip(t, positions(t), strict=True):
-        lines.append(",".join([f"{time:.3f}", *(f"{x:.4f}" for x in row)]))
+    for t_sample, row in zip(t, positions(t), strict=True):
+        lines.append(",".join([f"{t_sample:.3f}", *(f"{x:.4f}" for x in row)]))
     return "\n".join([*lines, ""])
 
 

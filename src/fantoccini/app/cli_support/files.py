@@ -14,13 +14,13 @@ from fantoccini.app.cli_support.terminal import escape_unprintable
 from fantoccini.base import FantocciniError, InputError, Mistake, OnProgress, PuppetError, nearest
 from fantoccini.dynamics.marionette import Marionette, StringModel, load
 from fantoccini.model.puppet import bundled_files
-from fantoccini.output.animation import ENDINGS
+from fantoccini.output.animation import SUFFIXES
 
 DATA_SUFFIXES = (".npz", ".csv")
 PICTURE_SUFFIXES = (".png", ".svg", ".pdf")
 FILM_SUFFIXES = (".mp4", ".gif")
 CAPTION_SUFFIXES = (".srt",)
-ANIMATION_SUFFIXES = tuple(suffix for suffix in ENDINGS if suffix not in DATA_SUFFIXES)
+ANIMATION_SUFFIXES = tuple(suffix for suffix in SUFFIXES if suffix not in DATA_SUFFIXES)
 
 
 class OutputError(FantocciniError):

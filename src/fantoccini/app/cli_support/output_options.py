@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from fantoccini.app.cli_support.files import FILM_SUFFIXES, PICTURE_SUFFIXES, OutputError, fail
 from fantoccini.app.cli_support.options import Focus, Look, Theme
 from fantoccini.base import ARRIVED
-from fantoccini.output.animation import ENDINGS
+from fantoccini.output.animation import SUFFIXES
 
 if TYPE_CHECKING:
     from fantoccini.motion import Trajectory
@@ -124,7 +124,7 @@ class OutputOptions:
             bool(suffixes & {*FILM_SUFFIXES}),
             bool(suffixes & {*PICTURE_SUFFIXES}),
         )
-        has_animation = bool(suffixes & {*ENDINGS})
+        has_animation = bool(suffixes & {*SUFFIXES})
         for option, value, applies, outputs in (
             ("--view", self.view, has_film or has_strip, "a strip or a film"),
             ("--focus", self.focus, has_film or has_strip, "a strip or a film"),
@@ -174,7 +174,7 @@ def check_time_range(
 
     Args:
         begin, end: values of the options [s]; None for the start and the end of the motion.
-        first, last: times of the motion [s].
+        motion_start, motion_end: times of the motion [s].
     """
     for option, t in (("--from", begin), ("--to", end)):
         if t is not None and not math.isfinite(t):

@@ -14,7 +14,7 @@ import numpy as np
 
 from fantoccini.base.documents import Parameter
 from fantoccini.model.tree import WORLD, StringRow, grow
-from fantoccini.output.html import Element, element, picture, to_html
+from fantoccini.output.html import Element, element, figure_image, to_html
 from fantoccini.output.view.drawing import DPI, PictureOptions, one_line
 from fantoccini.output.view.geometry import geometry_at
 from fantoccini.output.view.pictures import figure_of, strip_figure
@@ -90,7 +90,9 @@ def _picture(figure: Callable[[], Figure], alt: str) -> Element | None:
         drawing = figure()
         width, style = f"{drawing.get_figwidth() * DPI:.0f}", "max-width:100%;height:auto"
         for scale in (2.0, 1.5, 1.0, 0.7):
-            image = picture(drawing, one_line(alt), "png", DPI * scale, width=width, style=style)
+            image = figure_image(
+                drawing, one_line(alt), "png", DPI * scale, width=width, style=style
+            )
             if len(image.attrib["src"]) <= MAX_LENGTH:
                 break
     except Exception:  # the tables are useful without a picture
