@@ -18,9 +18,9 @@ from tests.show.browser import like, picture
 import fantoccini as fan
 from fantoccini.model.meshes import LIMITS, read
 from fantoccini.output.view import film
-from fantoccini.output.view.meshes import coloured
-from fantoccini.output.view.shapes import solid_of
-from fantoccini.output.view.silhouettes import mesh
+from fantoccini.output.view.meshes import coloured_surfaces
+from fantoccini.output.view.shapes import shape_solid
+from fantoccini.output.view.silhouettes import mesh_solid
 
 pytestmark = pytest.mark.medium
 
@@ -193,16 +193,16 @@ def test_an_obj_has_the_colours_of_its_materials(tmp_path):
 
 def test_a_colour_of_the_shape_has_precedence(head):
     model = toy(head.parent, "head.glb", ', colour: "#102030"')
-    solid = solid_of(model.puppet.bodies[0].shapes[0], 0, np.zeros(3))
+    solid = shape_solid(model.puppet.bodies[0].shapes[0], 0, np.zeros(3))
     assert solid.colours is None and np.allclose(solid.colour, np.array([16, 32, 48]) / 255)
 
 
 def test_each_colour_is_one_surface(head):
     """Their areas are those of the boxes; faces without material have the body's colour."""
     model = toy(head.parent, "head.glb")
-    solid = solid_of(model.puppet.bodies[0].shapes[0], 0, np.array([1.0, 1.0, 0.0]))
+    solid = shape_solid(model.puppet.bodies[0].shapes[0], 0, np.array([1.0, 1.0, 0.0]))
     areas = {}
-    for colour, surface in coloured(solid):
+    for colour, surface in coloured_surfaces(solid):
         mesh = trimesh.Trimesh(surface.vertices, surface.faces, process=False)
         areas[tuple(np.round(255 * colour).astype(int).tolist())] = mesh.area
         assert np.allclose(
@@ -318,9 +318,9 @@ def test_the_outline_has_the_mean_by_area(tmp_path):
     """A triangle divided into four counts as one."""
     vertices = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.0]])
     colours = np.array([[1.0, 0, 0], [0, 0, 1]])
-    coarse = mesh(0, np.zeros(3), vertices, np.array([[0, 1, 2], [0, 2, 3]]), colours)
+    coarse = mesh_solid(0, np.zeros(3), vertices, np.array([[0, 1, 2], [0, 2, 3]]), colours)
     points, faces = trimesh.remesh.subdivide(vertices, np.array([[0, 1, 2]]))
-    fine = mesh(
+    fine = mesh_solid(
         0,
         np.zeros(3),
         np.vstack([points, vertices]),

@@ -13,10 +13,10 @@ from fantoccini.model.puppet import Puppet, load
 from fantoccini.model.tree import grow
 from fantoccini.motion import EventRecord, Trajectory
 from fantoccini.motion.columns import Columns
-from fantoccini.output.view.still import Still
+from fantoccini.output.view.still import UncompiledPuppet
 
 
-class StillLife(Still):
+class StillLife(UncompiledPuppet):
     """Poses of one puppet, without a compiled model."""
 
     def __init__(self, puppet: Puppet):

@@ -16,10 +16,10 @@ from fantoccini.model.puppet import loads
 from fantoccini.motion.columns import Columns
 from fantoccini.output import view
 from fantoccini.output.view.camera import Viewport
-from fantoccini.output.view.compose import compose
-from fantoccini.output.view.drawing import PictureOptions, layout_of, one_line
+from fantoccini.output.view.compose import compose_polygons
+from fantoccini.output.view.drawing import PictureOptions, fit_layout, one_line
 from fantoccini.output.view.films import Frames
-from fantoccini.output.view.geometry import geometry_at, geometry_of
+from fantoccini.output.view.geometry import run_geometry, state_geometry
 from fantoccini.output.view.pictures import strip_figure
 from fantoccini.output.view.theme import DARK
 from view.still_life import StillLife, bundled, swinging
@@ -94,7 +94,7 @@ def test_the_scale_of_a_strip_tells_of_a_short_peak(tmp_path, swung, monkeypatch
     values[17, 0], t[17] = 5.0 * values.max(), t[16] + 1e-7  # between the times of the scale
     t[18] = t[16] + 2e-7
     peaked = replace(run, t=t, tension=Columns(run.tension.names, values, "string"))
-    options = PictureOptions.of("auto", "all", "light", None)
+    options = PictureOptions.resolve("auto", "all", "light", None)
     texts = [x.get_text() for x in strip_figure(m, peaked, 3, "even", options).axes[0].texts]
     (end,) = [text for text in texts if text.endswith(" N")]
     assert end.startswith("\N{GREATER-THAN OR EQUAL TO} ")
@@ -164,7 +164,7 @@ def test_size_does_not_matter(tmp_path, factor):
         m = dangling(each)
         x = m.start()
         geometry, layout = still_layout(m, x)
-        pictures.append([p.outline for p in compose(geometry, 0, layout)])
+        pictures.append([p.outline for p in compose_polygons(geometry, 0, layout)])
         view.draw(m, x, tmp_path / "a.png", size=(200, 200), scale=1.0)
         assert busy(tmp_path / "a.png") > 0.005
     assert len(pictures[0]) == len(pictures[1])
@@ -173,8 +173,10 @@ def test_size_does_not_matter(tmp_path, factor):
 
 
 def still_layout(m, x):
-    geometry = geometry_at(m, x)
-    return geometry, layout_of(geometry, Viewport(0.0, 0.0, 300.0, 300.0), PictureOptions.of())
+    geometry = state_geometry(m, x)
+    return geometry, fit_layout(
+        geometry, Viewport(0.0, 0.0, 300.0, 300.0), PictureOptions.resolve()
+    )
 
 
 def test_the_tension_bars_texts_keep_apart():
@@ -185,8 +187,8 @@ def test_the_tension_bars_texts_keep_apart():
             run = swinging(m)
             peak = np.where(np.arange(len(run)) == 20, 1.7, 1.0)[:, None]
             tension = dataclasses.replace(run.tension, values=run.tension.values * factor * peak)
-            geometry = geometry_of(m, dataclasses.replace(run, tension=tension))
-            texts = Frames(geometry, PictureOptions.of(theme=DARK, size=size)).sheet.axes.texts
+            geometry = run_geometry(m, dataclasses.replace(run, tension=tension))
+            texts = Frames(geometry, PictureOptions.resolve(theme=DARK, size=size)).sheet.axes.texts
             boxes = [text.get_window_extent() for text in texts if text.get_text()]
             assert all(b.x0 >= 0.0 and b.x1 <= size[0] for b in boxes)
             assert not any(a.overlaps(b) for a, b in itertools.combinations(boxes, 2))

@@ -12,7 +12,7 @@ import fantoccini as fan
 from fantoccini.output import reports
 from fantoccini.output.reports.stage_plan import draw_stage_plan
 from fantoccini.output.reports.timeline import draw_timeline, shorten
-from fantoccini.output.view.stills import Stills
+from fantoccini.output.view.stills import ActStills
 from fantoccini.theatre.plays import clearances, overhead
 
 pytestmark = pytest.mark.medium
@@ -174,7 +174,7 @@ def test_the_drawings_name_everything_and_cut_nothing(verification):
     )
     words = texts_within(draw_timeline(play))
     assert {"First <act>", "one", "two", "captions", "1 hop.yaml", "one: <Hop> & hop"} <= set(words)
-    stills = texts_within(Stills(play, verification.run).of_act("First <act>"))
+    stills = texts_within(ActStills(play, verification.run).of_act("First <act>"))
     assert [stills.count(name) for name in ("one", "two")] == [8, 8]
 
 

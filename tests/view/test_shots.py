@@ -9,20 +9,20 @@ import pytest
 
 from fantoccini.output.view.drawing import PictureOptions
 from fantoccini.output.view.films import Frames
-from fantoccini.output.view.geometry import geometry_of
+from fantoccini.output.view.geometry import run_geometry
 from fantoccini.theatre.plays import Shot
 from view.still_life import bundled, swinging, walking
 
 pytestmark = [pytest.mark.medium, pytest.mark.own_puppets]
 
 SIZE = (320, 240)
-OPTIONS = PictureOptions.of(view=(0.0, 10.0), size=SIZE, look="stage")
+OPTIONS = PictureOptions.resolve(view=(0.0, 10.0), size=SIZE, look="stage")
 ARM = ("upper_arm_left", "forearm_left")
 
 
 @pytest.fixture(scope="module", name="geometry")
 def _geometry(swung):
-    return geometry_of(*swung)
+    return run_geometry(*swung)
 
 
 def spread(geometry, frames: Frames, k: int, names: tuple[str, ...]) -> np.ndarray:
@@ -34,7 +34,7 @@ def spread(geometry, frames: Frames, k: int, names: tuple[str, ...]) -> np.ndarr
         if solid.link in links:
             pose = geometry.poses[k, solid.link]
             seen = camera.project(solid.axis @ pose[:, :3].T + pose[:, 3], viewport)
-            radius = solid.girth * camera.scale(seen[:, 2], viewport)
+            radius = solid.half_thickness * camera.scale(seen[:, 2], viewport)
             corners += [seen[:, :2] - radius[:, None], seen[:, :2] + radius[:, None]]
     points = np.concatenate(corners)
     return np.array([points.min(axis=0), points.max(axis=0)])
@@ -102,7 +102,7 @@ def test_a_shot_is_taken_from_its_side(geometry, azimuth):
 
 def test_a_move_is_smooth_and_ends_in_the_shot_of_a_cut(swung):
     m, _ = swung
-    geometry = geometry_of(m, swinging(m, 4.0, 401))
+    geometry = run_geometry(m, swinging(m, 4.0, 401))
     move = Frames(geometry, OPTIONS, shots=(Shot(1.0, 2.0, ARM, azimuth=1.0),)).cameras
     cut = Frames(geometry, OPTIONS, shots=(Shot(1.0, 0.0, ARM, azimuth=1.0),)).cameras
     t = geometry.t
@@ -126,7 +126,7 @@ def test_the_whole_stage_again_is_the_first_picture(geometry):
 
 def test_a_shot_follows_a_walking_player():
     m = bundled("marionette_bar")
-    geometry = geometry_of(m, walking(m, 2.0))
+    geometry = run_geometry(m, walking(m, 2.0))
     frames = Frames(geometry, OPTIONS, shots=(Shot(0.0, bodies=("torso",), zoom=0.4),))
     viewport = frames.layout.viewport
     for k in (0, 20, 40):
@@ -147,7 +147,7 @@ def test_a_place_is_in_the_middle_of_the_picture(geometry):
 @pytest.mark.parametrize("look", ["stage", "diagram"])
 def test_frames_of_a_moving_camera_repeat_exactly(geometry, look):
     """Backgrounds are kept between frames of one camera."""
-    options = PictureOptions.of(view=(0.0, 10.0), size=SIZE, look=look)
+    options = PictureOptions.resolve(view=(0.0, 10.0), size=SIZE, look=look)
     frames = Frames(geometry, options, shots=(Shot(0.5, 0.2, bodies=ARM),))
     order = (0, 1, 25, 40, 39, 0)
     pictures = [np.array(frames.draw(k)) for k in order]

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.output.view.geometry import geometry_at
-from fantoccini.output.view.still import Still
+from fantoccini.output.view.geometry import state_geometry
+from fantoccini.output.view.still import UncompiledPuppet
 
 PUPPETS = ("arm2d", "arm3d", "crane", "marionette", "marionette_bar", "string_pendulum")
 
@@ -26,7 +26,7 @@ strings:
 
 
 def still(marionette):
-    return Still(marionette.puppet, marionette.tree, marionette.number)
+    return UncompiledPuppet(marionette.puppet, marionette.tree, marionette.number)
 
 
 def moved(marionette, seed):
@@ -62,7 +62,7 @@ def test_strings_without_a_length_just_reach_in_the_start_pose():
 def test_pictures_take_the_present_values_of_parameters():
     longer = fan.loads(LONGER).with_parameters({"reach": -2.0})
     plain = still(longer)
-    geometry = geometry_at(plain, plain.start())
+    geometry = state_geometry(plain, plain.start())
     assert geometry.poses[0, 1, 2, 3] == pytest.approx(-2.0)
     solids = [s for s in geometry.solids if s.link == 0 and len(np.unique(s.points)) > 1]
     reaches = [s.points[1, 2] for s in solids]
@@ -78,5 +78,5 @@ def test_commands_of_drives_are_where_their_coordinates_are():
     drives: [{on: s.length, mass: 1.5, control: {type: pd, stiffness: 9, damping: 1}}]
     """
     puppet = fan.loads(textwrap.dedent(text))
-    start = Still(puppet.puppet, puppet.tree).start()
+    start = UncompiledPuppet(puppet.puppet, puppet.tree).start()
     assert start.q_K == pytest.approx([0.8]) and start.q_D == pytest.approx([0.2, 0.8])

@@ -18,7 +18,7 @@ from fantoccini.kernel.build import describe
 from fantoccini.kernel.codegen import operations
 from fantoccini.model.puppet import bundled_files
 from fantoccini.model.tree import WORLD, DriveRow, LimitRow, StringRow
-from fantoccini.output.view import Still
+from fantoccini.output.view import UncompiledPuppet
 
 _OPTIONAL_COLUMNS = ("restitution", "max_tension", "rewind_speed")
 """Columns of the strings' table that are shown only if a string has them."""
@@ -86,7 +86,7 @@ def describe_puppet(file: str) -> None:
             for link, rotor in zip(tree.links, rotors, strict=True)
         ],
     )
-    taut_state = Still(puppet.puppet, tree).start()
+    taut_state = UncompiledPuppet(puppet.puppet, tree).start()
     starts = {
         "dynamic": (coordinates.start_D, taut_state.q_D),
         "driven": (coordinates.start_K, taut_state.q_K),

@@ -11,7 +11,7 @@ import numpy as np
 from fantoccini.app.live.drag import drag_displacement
 from fantoccini.app.live.holder import Viewer
 from fantoccini.app.pages import View, handle_label_heights, move_node
-from fantoccini.output.view import Theme, mix, rgb, to_bytes
+from fantoccini.output.view import Theme, mix_colours, rgb, to_bytes
 from fantoccini.theatre.perform import Handle, Performance
 
 if TYPE_CHECKING:
@@ -292,7 +292,7 @@ class Controls:
             return to_bytes(WARNING_COLOUR)
         if name == self.selected or any(grabbed == name for _, grabbed in list(self.grabs)):
             return to_bytes(rgb(self._theme.line_colours[0]))
-        return to_bytes(mix(self._theme.handle, np.ones(3), 0.15))
+        return to_bytes(mix_colours(self._theme.handle, np.ones(3), 0.15))
 
     def _drag_handler(self, handle: Handle) -> DragHandler:
         name = handle.name

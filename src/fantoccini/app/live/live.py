@@ -34,7 +34,7 @@ from fantoccini.app.pages import (
 )
 from fantoccini.base import FantocciniError
 from fantoccini.dynamics.derivatives import motion_at
-from fantoccini.output.view import AUDIENCE, Geometry, Theme, force_arrows, geometry_at
+from fantoccini.output.view import AUDIENCE, Geometry, Theme, force_arrows, state_geometry
 from fantoccini.theatre.perform import Balance, LivePlay, Performance
 
 if TYPE_CHECKING:
@@ -390,7 +390,7 @@ class Live(PageLoop):
 
     def _geometry(self) -> Geometry:
         p = self.performance
-        return geometry_at(p.marionette, p.state, self._typical_tensions())
+        return state_geometry(p.marionette, p.state, self._typical_tensions())
 
     def _typical_tensions(self) -> np.ndarray:
         """(n_strings,) typical tensions of the puppet, for the scale [N]."""

@@ -19,10 +19,10 @@ from fantoccini.output.view import (
     Solid,
     Theme,
     TriangleMesh,
-    coloured,
-    fit,
-    handles,
-    mix,
+    coloured_surfaces,
+    fit_camera,
+    handle_solids,
+    mix_colours,
     point_of_view,
     round_down,
     to_bytes,
@@ -144,7 +144,7 @@ class SceneNodes:
         azimuth, elevation = point_of_view(preset, centres, geometry.plane)
         if isinstance(viewpoint, str) and viewpoint in _ELEVATIONS:
             elevation = np.radians(_ELEVATIONS[viewpoint])
-        camera = fit(centres, radii, azimuth, elevation, aspect, _FIELD_OF_VIEW, margin=0.09)
+        camera = fit_camera(centres, radii, azimuth, elevation, aspect, _FIELD_OF_VIEW, margin=0.09)
         return View(camera.eye, _target(camera, 0.5 * (centres.min(axis=0) + centres.max(axis=0))))
 
     def aim_camera(
@@ -180,7 +180,7 @@ class SceneNodes:
         extent = 1.6 * float((high - low).max()) + 1.6 * geometry.size
         cell_size = round_down(0.12 * geometry.size)
         centre = np.round(0.5 * (low + high) / cell_size) * cell_size
-        floor_colour = mix(theme.lower_background, theme.floor[:3], float(theme.floor[3]))
+        floor_colour = mix_colours(theme.lower_background, theme.floor[:3], float(theme.floor[3]))
         self._floor = api.add_grid(
             "/floor",
             width=6.0 * extent,
@@ -189,7 +189,7 @@ class SceneNodes:
             position=(float(centre[0]), float(centre[1]), geometry.floor),
             cell_size=cell_size,
             section_size=5.0 * cell_size,
-            cell_color=to_bytes(mix(floor_colour, theme.grid, 0.55)),
+            cell_color=to_bytes(mix_colours(floor_colour, theme.grid, 0.55)),
             section_color=to_bytes(theme.grid),
             cell_thickness=0.6,
             section_thickness=1.0,
@@ -206,7 +206,7 @@ class SceneNodes:
 
     def _set_up_links(self) -> None:
         geometry = self.geometry
-        solids = [*geometry.solids, *handles(geometry.tree, self.theme, geometry.size)]
+        solids = [*geometry.solids, *handle_solids(geometry.tree, self.theme, geometry.size)]
         self._meshes("/hooks", [s for s in solids[len(geometry.solids) :] if s.link == WORLD])
         for k, link in enumerate(geometry.tree.links):
             solids_of_link = [s for s in solids if s.link == k]
@@ -222,7 +222,7 @@ class SceneNodes:
         groups: dict[tuple[tuple[int, int, int], bool], list[TriangleMesh]] = {}
         for solid in solids:
             flat = solid.kind == "faces" and not solid.smooth
-            for shade, surface in coloured(solid):
+            for shade, surface in coloured_surfaces(solid):
                 groups.setdefault((to_bytes(shade), flat), []).append(surface)
         nodes = []
         for n, ((colour, flat), surfaces) in enumerate(groups.items()):
@@ -267,5 +267,5 @@ def _target(camera: Camera, middle: np.ndarray) -> np.ndarray:
 def _sky(theme: Theme) -> np.ndarray:
     """(256, 2, 3) pixels of the background, from 0 to 255."""
     share = np.linspace(0.0, 1.0, 256)[:, None, None]
-    rows = mix(theme.upper_background, theme.lower_background, share)
+    rows = mix_colours(theme.upper_background, theme.lower_background, share)
     return np.round(255.0 * np.tile(rows, (1, 2, 1))).astype(np.uint8)

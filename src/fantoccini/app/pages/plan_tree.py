@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fantoccini.output.view import MAX_DOTS, PATH_COLOUR, Theme, spread, to_bytes
+from fantoccini.output.view import MAX_DOTS, PATH_COLOUR, Theme, spread_indices, to_bytes
 
 if TYPE_CHECKING:
     import viser
@@ -35,7 +35,7 @@ class PlanTree:
 
     def add_to(self, server: viser.ViserServer, theme: Theme, size: float) -> None:
         """Adds dots and line to a page; ``size`` is that of the geometry [m]."""
-        dots = self.nodes[spread(len(self.nodes), MAX_DOTS)].astype(np.float32)
+        dots = self.nodes[spread_indices(len(self.nodes), MAX_DOTS)].astype(np.float32)
         server.scene.add_point_cloud(
             "/plan/tree", dots, to_bytes(theme.muted), point_size=0.005 * size, point_shape="circle"
         )

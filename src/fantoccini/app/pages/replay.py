@@ -17,7 +17,7 @@ from fantoccini.app.pages.plan_tree import PlanTree
 from fantoccini.app.pages.scene_state import scene_at_sample
 from fantoccini.app.pages.server import Server
 from fantoccini.output.html import Content, element, to_html
-from fantoccini.output.view import Geometry, Theme, geometry_of
+from fantoccini.output.view import Geometry, Theme, run_geometry
 
 if TYPE_CHECKING:
     import viser
@@ -88,7 +88,7 @@ class ResampledRun:
         events = tuple(e for e in run.events if e.kind != "breakpoint")
         resampled = run.resample(times)
         forces = run.contact is not None if forces is None else forces
-        return cls(run, geometry_of(marionette, resampled, forces), events)
+        return cls(run, run_geometry(marionette, resampled, forces), events)
 
     @property
     def start(self) -> float:

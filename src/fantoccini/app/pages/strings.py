@@ -13,7 +13,7 @@ import numpy as np
 from fantoccini.app.pages.scene_state import SceneState
 from fantoccini.app.pages.viser_private import move_node
 from fantoccini.base import rotation
-from fantoccini.output.view import Geometry, Theme, mix, to_bytes, to_hex
+from fantoccini.output.view import Geometry, Theme, mix_colours, to_bytes, to_hex
 
 if TYPE_CHECKING:
     import viser
@@ -117,7 +117,7 @@ class Strings:
         self.nodes: list[viser.LineSegmentsHandle] = [*self._spans, *self._slack_curves]
         self._springs = None
         if geometry.springs:
-            colour = to_bytes(mix(theme.muted, theme.text, 0.4))
+            colour = to_bytes(mix_colours(theme.muted, theme.text, 0.4))
             self._springs = add_segments("/springs", len(geometry.springs), colour, 4.0)
             self.nodes.append(self._springs)
         self._chains = [

@@ -272,7 +272,7 @@ def open_page(
     _check_folder(record_to)
     title = subject.marionette.name
     if subject.run is not None:
-        motion = ResampledRun.from_plan(subject.marionette, subject.run)
+        motion = ResampledRun.from_run(subject.marionette, subject.run)
         server = Server(title, page_theme, host, port)
         view: Live | Replay = Replay(server, motion, page_theme, subject.tree)
     else:

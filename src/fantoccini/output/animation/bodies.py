@@ -151,7 +151,9 @@ def _extents(scene: AnimatedScene) -> dict[int, float]:
         if solid.link in extents:
             distance = np.linalg.norm(solid.points, axis=1).max() + solid.radius
             distance += (
-                float(np.linalg.norm(solid.half, axis=0).max()) if solid.kind != "faces" else 0.0
+                float(np.linalg.norm(solid.half_axes, axis=0).max())
+                if solid.kind != "faces"
+                else 0.0
             )
             extents[solid.link] = max(extents[solid.link], float(distance))
     for line in scene.lines:

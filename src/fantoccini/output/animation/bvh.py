@@ -160,7 +160,7 @@ def _tips(scene: AnimatedScene) -> dict[int, Vec3]:
         if solid.link in low:
             extent = solid.radius
             if solid.kind == "ellipsoid":
-                extent = np.linalg.norm(solid.half, axis=1)
+                extent = np.linalg.norm(solid.half_axes, axis=1)
             low[solid.link] = np.minimum(low[solid.link], (solid.points - extent).min(axis=0))
             high[solid.link] = np.maximum(high[solid.link], (solid.points + extent).max(axis=0))
     tips = {}

@@ -14,7 +14,7 @@ from fantoccini.model.tree import grow
 from fantoccini.motion import Trajectory
 from fantoccini.output.animation.formats import format_of
 from fantoccini.output.animation.scene import AnimatedScene, Bodies
-from fantoccini.output.view import Drawable, Still
+from fantoccini.output.view import Drawable, UncompiledPuppet
 from fantoccini.theatre.perform import Recording
 from fantoccini.theatre.plays import Verification
 from fantoccini.theatre.retarget import Followed
@@ -86,7 +86,7 @@ def _puppet_and_run(what: Moving) -> tuple[Drawable, Trajectory]:
         case Trajectory():
             if what.puppet is None:
                 raise ValueError("the run has no puppet; give `marionette`")
-            return Still(what.puppet, grow(what.puppet)), what
+            return UncompiledPuppet(what.puppet, grow(what.puppet)), what
         case Recording():
             return what.marionette, what.trajectory
         case PlanResult():

@@ -17,7 +17,7 @@ from fantoccini.output.animation.pieces import (
     solid_piece,
 )
 from fantoccini.output.animation.scene import AnimatedScene
-from fantoccini.output.view import LIGHT, Solid, TriangleMesh, coloured
+from fantoccini.output.view import LIGHT, Solid, TriangleMesh, coloured_surfaces
 
 
 def add_material(document: Document, colour: Array) -> int:
@@ -53,8 +53,8 @@ def _primitive(document: Document, colour: Array, surface: TriangleMesh) -> dict
 def solid_node(document: Document, solid: Solid, name: str) -> Node:
     """Node of a solid, in its link's frame."""
     piece = solid_piece(solid)
-    has_several_colours = solid.full.colours is not None
-    surfaces = coloured(solid) if has_several_colours else [(solid.colour, piece.surface)]
+    has_several_colours = solid.most_detailed.colours is not None
+    surfaces = coloured_surfaces(solid) if has_several_colours else [(solid.colour, piece.surface)]
     node: Node = {"name": name, "mesh": add_mesh(document, surfaces)}
     return with_transform(node, piece.r, piece.q, piece.scale)
 

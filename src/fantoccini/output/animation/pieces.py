@@ -17,11 +17,11 @@ from fantoccini.output.view import (
     LIGHT,
     Solid,
     TriangleMesh,
-    box,
-    capsule,
+    box_solid,
+    capsule_solid,
     frame_along,
-    handles,
-    triangles,
+    handle_solids,
+    triangulate,
 )
 
 ROUGHNESS = 0.75
@@ -53,7 +53,7 @@ def named_solids(scene: AnimatedScene) -> Iterator[tuple[str, Solid]]:
     They include the beads where a hand or a winch holds a string.
     """
     geometry, counts = scene.geometry, dict[int, int]()
-    for solid in (*geometry.solids, *handles(scene.tree, LIGHT, geometry.size)):
+    for solid in (*geometry.solids, *handle_solids(scene.tree, LIGHT, geometry.size)):
         if solid.link in scene.links or (solid.link == WORLD and scene.complete):
             counts[solid.link] = counts.get(solid.link, 0) + 1
             owner = "world" if solid.link == WORLD else scene.tree.links[solid.link].name
@@ -69,12 +69,12 @@ def solid_piece(solid: Solid) -> Piece:
         if length <= 1e-9 * solid.radius:
             return Piece(_UNIT_BALL, centre, scale=np.full(3, radius))
         ends = np.array([[0.0, 0.0, -0.5], [0.0, 0.0, 0.5]]) * round(length, _DIGITS)
-        surface = triangles(capsule(0, solid.colour, ends, radius))
+        surface = triangulate(capsule_solid(0, solid.colour, ends, radius))
         return Piece(surface, centre, rotation.quaternion(frame_along(axis / length)))
     if solid.smooth:
-        return Piece(triangles(solid), np.zeros(3))
-    scale = np.linalg.norm(solid.half, axis=0)
-    axes = solid.half / scale
+        return Piece(triangulate(solid), np.zeros(3))
+    scale = np.linalg.norm(solid.half_axes, axis=0)
+    axes = solid.half_axes / scale
     # A ball and a box are their own mirror images.
     axes[:, 2] *= np.sign(np.linalg.det(axes))
     return Piece(
@@ -104,5 +104,5 @@ def hex_digits(colour: Array) -> str:
     return bytes(np.rint(255.0 * np.clip(colour, 0.0, 1.0)).astype(int).tolist()).hex()
 
 
-_UNIT_BALL = triangles(capsule(0, np.zeros(3), np.zeros((2, 3)), 1.0))
-_UNIT_BOX = triangles(box(0, np.zeros(3), np.zeros(3), np.eye(3)))
+_UNIT_BALL = triangulate(capsule_solid(0, np.zeros(3), np.zeros((2, 3)), 1.0))
+_UNIT_BOX = triangulate(box_solid(0, np.zeros(3), np.zeros(3), np.eye(3)))

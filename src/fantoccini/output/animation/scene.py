@@ -13,7 +13,7 @@ from fantoccini.base import Array, Times, UnknownNameError
 from fantoccini.model.tree import WORLD, Point, Tree
 from fantoccini.motion import Trajectory
 from fantoccini.output.animation.joints import LocalMotion, local_motion
-from fantoccini.output.view import Drawable, Geometry, Still, geometry_of, rgb
+from fantoccini.output.view import Drawable, Geometry, UncompiledPuppet, rgb, run_geometry
 
 Bodies: TypeAlias = Sequence[str] | Literal["all"]
 """Names of bodies, or ``all``."""
@@ -54,7 +54,7 @@ class AnimatedScene:
         fps: keys per second; None if the motion determines them.
     """
 
-    still: Still
+    still: UncompiledPuppet
     run: Trajectory
     links: tuple[int, ...]
     parents: dict[int, int]
@@ -79,7 +79,7 @@ class AnimatedScene:
             UnknownNameError: there is no such body.
             ValueError: the run belongs to another puppet.
         """
-        still = Still(drawable.puppet, drawable.tree, drawable.number)
+        still = UncompiledPuppet(drawable.puppet, drawable.tree, drawable.number)
         tree = still.tree
         puppet_names, run_names = (
             (coordinates.q_D, coordinates.q_K)
@@ -120,7 +120,7 @@ class AnimatedScene:
     def geometry(self) -> Geometry:
         """Solids, floor and size, with poses at some times of the run."""
         first, last = self.run.t[0], self.run.t[-1]
-        return geometry_of(
+        return run_geometry(
             self.still, self.run.resample(np.linspace(first, last, _N_GEOMETRY_SAMPLES))
         )
 
@@ -192,7 +192,7 @@ def _ends_on(line: Line, links: Sequence[int], tree: Tree) -> bool:
     return not other_bodies and (not attached_links or not attached_links.isdisjoint(links))
 
 
-def _lines(still: Still) -> list[Line]:
+def _lines(still: UncompiledPuppet) -> list[Line]:
     tree = still.tree
     lines = [
         Line(s.name, s.points, k, None if s.colour is None else rgb(s.colour))

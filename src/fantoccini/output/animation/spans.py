@@ -131,7 +131,7 @@ class Spans:
             lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
             span_lengths = slack_length[k] * (lengths / lengths.sum() if lengths.sum() else 1.0 / n)
             for s in range(n):
-                line = rope.hanging(points[s], points[s + 1], float(span_lengths[s]))
+                line = rope.hanging_curve(points[s], points[s + 1], float(span_lengths[s]))
                 line = np.maximum(line, [-np.inf, -np.inf, min(self.floor, *points[s : s + 2, 2])])
                 points_by_span[k, s] = _resampled(line, rings)
         return points_by_span

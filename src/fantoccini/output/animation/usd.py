@@ -76,7 +76,9 @@ class _Writer:
             self._set_over_time(_add_orientation(prims[k]), [Gf.Quatd(*x) for x in turns])
         for name, solid in named_solids(scene):
             parent_path = prims[solid.link].GetPath()
-            self._add_piece(parent_path, name, solid_piece(solid), solid.colour, solid.full.colours)
+            self._add_piece(
+                parent_path, name, solid_piece(solid), solid.colour, solid.most_detailed.colours
+            )
         if scene.geometry.ground and scene.complete:
             self._add_piece(root.GetPath(), "floor", floor_piece(scene), LIGHT.lower_background)
         samples = StringSamples.from_run(scene, self.run, self.run.t, np.arange(len(self.run)))

@@ -185,7 +185,7 @@ class _RobotConverter:
         for joint in [] if mistakes else self.robot.joints:
             ancestor, visited = joint, {joint.child}
             while ancestor is not None and ancestor.parent not in visited:
-                visited.add_bodies(ancestor.parent)
+                visited.add(ancestor.parent)
                 ancestor = joint_of.get(ancestor.parent)
             if ancestor is not None:
                 add_mistake(joint, "carries itself: links and joints form a cycle")

@@ -59,7 +59,7 @@ class Table:
     """
 
     header: tuple[str, ...]
-    line_elements: tuple[tuple[str, ...], ...]
+    lines: tuple[tuple[str, ...], ...]
     red_lines: frozenset[int] = frozenset()
 
 

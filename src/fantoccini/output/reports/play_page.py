@@ -11,7 +11,7 @@ from fantoccini.output.html import Page, write_page
 from fantoccini.output.reports import play_tables
 from fantoccini.output.reports.stage_plan import draw_stage_plan
 from fantoccini.output.reports.timeline import draw_timeline
-from fantoccini.output.view import Stills
+from fantoccini.output.view import ActStills
 
 if TYPE_CHECKING:
     from fantoccini.theatre.plays import Verification
@@ -59,7 +59,7 @@ def _page(verification: Verification, progress: OnProgress) -> Page:
         "the limb turns at its mark or, without such a turn, when the hands begin to move."
     )
     progress(Progress(done=0.1, total=1.0))
-    stills = Stills(play, verification.run)
+    stills = ActStills(play, verification.run)
     act_times = [*play.acts.values(), play.duration]
     for k, act in enumerate(play.acts):
         page.section(act)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fantoccini.output.view import LIGHT, STONE, blank_figure, one_line, style_axes
+from fantoccini.output.view import LIGHT, STONE_COLOUR, blank_figure, one_line, style_axes
 from fantoccini.theatre.plays import Overhead, overhead
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ def draw_stage_plan(play: Play, used_area: Rectangle) -> Figure:
     _draw_box(axes, used_area, "area used by the hands", linestyle=":", color=LIGHT.text)
     for name, polygons in stage.standing.items():
         for polygon in polygons:
-            axes.fill(polygon[:, 1], polygon[:, 0], color=STONE, linewidth=0.0, zorder=1.5)
+            axes.fill(polygon[:, 1], polygon[:, 0], color=STONE_COLOUR, linewidth=0.0, zorder=1.5)
         _write_label(axes, np.mean(polygons[0], axis=0), name, ha="center", va="center")
     for name, position in stage.marks.items():
         axes.plot(position[1], position[0], "+", color=LIGHT.muted, markersize=9.0, zorder=2.0)

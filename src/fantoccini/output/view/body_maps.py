@@ -13,11 +13,11 @@ import numpy as np
 from fantoccini.base import Array
 from fantoccini.model import BodyMap
 from fantoccini.output.view.camera import Viewport
-from fantoccini.output.view.compose import Layout, compose
-from fantoccini.output.view.drawing import PictureOptions, Sheet, layout_of
-from fantoccini.output.view.geometry import Geometry, geometry_at
-from fantoccini.output.view.pictures import check_path, save
-from fantoccini.output.view.theme import STONE, mix, rgb
+from fantoccini.output.view.compose import Layout, compose_polygons
+from fantoccini.output.view.drawing import PictureOptions, Sheet, fit_layout
+from fantoccini.output.view.geometry import Geometry, state_geometry
+from fantoccini.output.view.pictures import check_picture_path, save_figure
+from fantoccini.output.view.theme import STONE_COLOUR, mix_colours, rgb
 
 if TYPE_CHECKING:
     from fantoccini.dynamics.marionette import Marionette
@@ -63,24 +63,24 @@ def body_map_picture(
     Returns:
         The path of the picture.
     """
-    path = check_path(path)
+    path = check_picture_path(path)
     part_by_body = _parts_of_bodies(body_map)
-    geometry = _with_part_colours(geometry_at(marionette, state), body_map, part_by_body)
+    geometry = _with_part_colours(state_geometry(marionette, state), body_map, part_by_body)
     size = float(np.ptp(geometry.balls(strings=False)[0], axis=0).max())
     trunk = geometry.poses[0, marionette.link_index(body_map.trunk[0])]
     forward = trunk[:, :3] @ np.array(body_map.facing)
     start = trunk[:, 3] + 0.15 * size * forward
     arrow = np.array([[start, start + _ARROW_LENGTH * size * forward]])
     geometry = replace(geometry, arrows=(arrow,))
-    options, unit = PictureOptions.of(focus="bodies"), _PICTURE_SIZE[1] / 55.0
+    options, unit = PictureOptions.resolve(focus="bodies"), _PICTURE_SIZE[1] / 55.0
     sheet, side = Sheet(_PICTURE_SIZE, options.theme), _NAME_COLUMN_WIDTH * _PICTURE_SIZE[0] + unit
     inner = Viewport(side, 4.0 * unit, _PICTURE_SIZE[0] - 2.0 * side, _PICTURE_SIZE[1] - 8.0 * unit)
-    layout = layout_of(geometry, inner, options)
-    sheet.floor(geometry, layout)
-    sheet.polygons(compose(geometry, 0, layout))
-    sheet.title(f"{geometry.title}: body map", unit, sheet.height - 1.5 * unit)
+    layout = fit_layout(geometry, inner, options)
+    sheet.add_floor(geometry, layout)
+    sheet.add_polygons(compose_polygons(geometry, 0, layout))
+    sheet.add_title(f"{geometry.title}: body map", unit, sheet.height - 1.5 * unit)
     _write_names(sheet, layout, _anchors(marionette, geometry, body_map), body_map, unit)
-    return save(sheet.figure, path, scale)
+    return save_figure(sheet.figure, path, scale)
 
 
 def _parts_of_bodies(body_map: BodyMap) -> dict[str, str]:
@@ -96,7 +96,11 @@ def _parts_of_bodies(body_map: BodyMap) -> dict[str, str]:
 def _colour(body_map: BodyMap, part: str) -> Array:
     limb = body_map.parts.get(part)
     colour = rgb(PART_COLOURS[part if limb is None else limb.kind])
-    return mix(colour, np.ones(3), _RIGHT_WHITE_SHARE) if limb and limb.side == "right" else colour
+    return (
+        mix_colours(colour, np.ones(3), _RIGHT_WHITE_SHARE)
+        if limb and limb.side == "right"
+        else colour
+    )
 
 
 def _with_part_colours(
@@ -109,13 +113,13 @@ def _with_part_colours(
         for k in geometry.tree.ancestors(link):
             if links[k].name in part_by_body:
                 return _colour(body_map, part_by_body[links[k].name])
-        return rgb(STONE)
+        return rgb(STONE_COLOUR)
 
     strings: dict[str, Array] = {}
     for part in ("trunk", "head", *body_map.parts):
         strings |= {name: _colour(body_map, part) for name in body_map.strings_of(part)}
     solids = tuple(
-        replace(s, colour=colour_of(s.link), colours=None, fine=None) for s in geometry.solids
+        replace(s, colour=colour_of(s.link), colours=None, detailed=None) for s in geometry.solids
     )
     return replace(geometry, solids=solids, colours=tuple(map(strings.get, geometry.names)))
 
@@ -155,7 +159,7 @@ def _write_names(
             y = min(y - gap, float(targets[part][1]))
             colour = 0.8 * _colour(body_map, part)
             text = f"{part} ?" if body_map.doubt(part) else part
-            sheet.write(x * sheet.width, y, text, 1.2 * unit, colour, ha=align, va="center")
+            sheet.add_text(x * sheet.width, y, text, 1.2 * unit, colour, ha=align, va="center")
             shift = -0.6 * unit if align == "left" else 0.6 * unit
             sheet.axes.plot(
                 [x * sheet.width + shift, targets[part][0]],
