@@ -22,7 +22,7 @@ import numpy as np
 from fantoccini.kernel.equations import derive
 from fantoccini.model.puppet import load
 from fantoccini.model.tree import grow
-from fantoccini.output.exchange import Imported, import_model
+from fantoccini.output.exchange import ImportedPuppet, import_model
 
 GYMNASIUM = tuple(
     f"gymnasium/envs/mujoco/assets/{name}.xml"
@@ -143,7 +143,7 @@ def switched_off(m: mujoco.MjModel) -> Iterator[str]:
             yield f"tendon {m.tendon(t).name}"
 
 
-def compare(imported: Imported, m: mujoco.MjModel, states: int) -> float:
+def compare(imported: ImportedPuppet, m: mujoco.MjModel, states: int) -> float:
     """Largest difference of accelerations over the largest acceleration, over random states."""
     with tempfile.TemporaryDirectory() as folder:
         imported.save(Path(folder) / "puppet.yaml")
@@ -177,7 +177,9 @@ def compare(imported: Imported, m: mujoco.MjModel, states: int) -> float:
     return worst / largest
 
 
-def places(imported: Imported, m: mujoco.MjModel, table: Any) -> tuple[np.ndarray, np.ndarray]:
+def places(
+    imported: ImportedPuppet, m: mujoco.MjModel, table: Any
+) -> tuple[np.ndarray, np.ndarray]:
     """Indices in qpos and qvel of the puppet's dynamic coordinates."""
     q, v = {}, {}
     suffix = {

@@ -14,7 +14,7 @@ from benchmarks.exchange import models
 import fantoccini as fan
 from fantoccini.base.errors import ExchangeError, UnknownNameError
 from fantoccini.dynamics.mujoco import mjcf
-from fantoccini.output.exchange import Imported, import_model
+from fantoccini.output.exchange import ImportedPuppet, import_model
 from harness import Model, State
 from oracles import random_models, random_trees
 
@@ -24,13 +24,13 @@ ROUNDING = 1e-11
 """Tolerance of accelerations, relative to the largest."""
 
 
-def imported(text: str, folder: Path, **more) -> Imported:
+def imported(text: str, folder: Path, **more) -> ImportedPuppet:
     path = folder / "model.xml"
     path.write_text(text)
     return import_model(path, **more)
 
 
-def states(puppet_import: Imported, m: mujoco.MjModel, n: int):
+def states(puppet_import: ImportedPuppet, m: mujoco.MjModel, n: int):
     """Pairs of the puppet's state and MuJoCo's data, evaluated without constraints."""
     model = Model.of(fan.model.loads(puppet_import.text))
     q, v = models.places(puppet_import, m, model.table)

@@ -14,7 +14,7 @@ from tests.exchange.test_import_mjcf import states
 
 import fantoccini as fan
 from fantoccini.base.errors import ExchangeError, MissingLibraryError, UnknownNameError
-from fantoccini.output.exchange import Imported, import_model
+from fantoccini.output.exchange import ImportedPuppet, import_model
 from harness import Model, State
 from oracles import random_models
 
@@ -24,7 +24,7 @@ ROUNDING = 1e-11
 """Tolerance of accelerations, relative to the largest."""
 
 
-def imported(text: str, folder: Path) -> Imported:
+def imported(text: str, folder: Path) -> ImportedPuppet:
     path = folder / "robot.urdf"
     path.write_text(text)
     return import_model(path)
@@ -38,7 +38,7 @@ def test_accelerations_are_mujocos(seed, tmp_path):
     list(models.switched_off(m))
     assert sorted(puppet_import.joints) == sorted(m.joint(j).name for j in range(m.njnt))
     # MuJoCo's joints are in the order of its tree.
-    puppet_import = Imported(
+    puppet_import = ImportedPuppet(
         puppet_import.text, puppet_import.report, {}, tuple(m.joint(j).name for j in range(m.njnt))
     )
     for model, x, d, v in states(puppet_import, m, 2):

@@ -130,7 +130,7 @@ def test_ros_reads_the_trajectory_as_a_message(conduct, ending, tmp_path):
     again = store.deserialize_cdr(
         store.serialize_cdr(message, message.__msgtype__), message.__msgtype__
     )
-    motion = points.whole()
+    motion = points.complete_motion()
     assert again.joint_names == [axis.name for axis in points.axes]
     assert len(again.points) == len(motion)
     for name, values in (

@@ -127,7 +127,7 @@ def test_joint_trajectories_read_back(lifted, hoist, tmp_path):
     read = json.loads(a.read_text())
     assert read == yaml.safe_load(b.read_text())
     assert read["joint_names"] == ["winch"]
-    whole = points.whole()
+    whole = points.complete_motion()
     stamps = [p["time_from_start"] for p in read["points"]]
     t = np.array([s["sec"] + 1e-9 * s["nanosec"] for s in stamps])
     np.testing.assert_allclose(t, whole.t, atol=1e-9)
@@ -177,7 +177,7 @@ def test_impossible_motions_of_a_stand_are_refused(lifted, hoist, tmp_path):
     with pytest.raises(StandError, match="travel is"):
         set_points(able, lifted, hoist, controller="grbl", slack=0.2)
     with pytest.raises(StandError, match="homing is not part"):
-        set_points(loads_stand(HOME), lifted, hoist, controller="csv", home=True).whole()
+        set_points(loads_stand(HOME), lifted, hoist, controller="csv", home=True).complete_motion()
     for kind, name in (("csv", "a.gcode"), ("grbl", "a.json"), ("grbl", "a.cfg")):
         with pytest.raises(StandError, match=r"needed|allowed"):
             save_points(set_points(able, lifted, hoist, controller=kind), tmp_path / name)

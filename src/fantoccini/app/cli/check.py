@@ -99,7 +99,7 @@ def _check_stand(file: str, inputs: list[Path], quiet: bool) -> bool:
         stand = load_stand(file)
         path = stand.puppet_path
         puppet = None if path is None else load_marionette(str(path))
-        axis_map = None if puppet is None else AxisMap.of(stand, puppet.coordinates)
+        axis_map = None if puppet is None else AxisMap.from_stand(stand, puppet.coordinates)
     except FileError as error:
         _print_problems(error.mistakes)
         return False
@@ -113,7 +113,8 @@ def _check_stand(file: str, inputs: list[Path], quiet: bool) -> bool:
         n_controllers = len(stand.controllers)
         controllers_text = f" on {n_controllers} controllers" if n_controllers else ""
         print_output(
-            f"{file}: no mistakes; {len(stand.axes)} axes{controllers_text}, {motion_text}{held_text}"
+            f"{file}: no mistakes; {len(stand.axes)} axes{controllers_text}, {motion_text}"
+            f"{held_text}"
         )
     all_correct = True
     for inputs_file in inputs:

@@ -64,7 +64,8 @@ def describe_puppet(file: str) -> None:
     if (contact_rules := puppet.puppet.touching) is not None:
         print_output(
             f"contact with {', '.join(contact_rules.meets) or 'nothing'}: friction "
-            f"{format_number(contact_rules.friction)}, restitution {format_number(contact_rules.restitution)}, "
+            f"{format_number(contact_rules.friction)}, restitution "
+            f"{format_number(contact_rules.restitution)}, "
             f"{len(contact_rules.pairs)} pairs with their own"
         )
     print_output()

@@ -153,8 +153,8 @@ def _print_summary(verification: Verification, compiling: float, verifying: floa
     print_output(
         f"{play.duration:.1f} s, {_count_text(len(play.cast.players), 'player')}, "
         f"{marionette.coordinates.n_vD} degrees of freedom, "
-        f"{_count_text(len(marionette.tree.strings), 'string')}, {marionette.coordinates.n_vK} driven "
-        f"coordinates; compiled in {compiling:.1f} s, {_count_text(play.rounds, 'round')}, "
+        f"{_count_text(len(marionette.tree.strings), 'string')}, {marionette.coordinates.n_vK} "
+        f"driven coordinates; compiled in {compiling:.1f} s, {_count_text(play.rounds, 'round')}, "
         f"verified in {verifying:.1f} s"
     )
     worst_text = f"no cue is off by more than {1e3 * verification.worst:.0f} ms"

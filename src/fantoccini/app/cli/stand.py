@@ -28,7 +28,7 @@ from fantoccini.stand import (
     check_stand,
     find_slower_tempo,
     load_stand,
-    lost_lines,
+    lost_step_lines,
     remedies,
 )
 
@@ -102,10 +102,10 @@ def _print_check(check: StandCheck, tempo: tuple[SlowedRun | None, str] | None) 
         lines.append((axis.name, axis.kind, *cells))
     print_table("Margins [%]", ("axis", "motor", *(f"{q}>" for q in quantities)), lines)
     for limit in check.broken[:_MAX_LISTED_LIMITS]:
-        print_output(f"from t = {limit.broken:.3f} s: {limit} (exceeded by {limit.over})")
+        print_output(f"from t = {limit.broken:.3f} s: {limit} (exceeded by {limit.excess_text})")
     if len(check.broken) > _MAX_LISTED_LIMITS:
         print_output(f"and {len(check.broken) - _MAX_LISTED_LIMITS} more")
-    for line in lost_lines(check):
+    for line in lost_step_lines(check):
         print_output(line)
     for line in remedies(check):
         print_output(f"remedy: {line}")

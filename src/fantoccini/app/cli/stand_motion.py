@@ -29,7 +29,7 @@ from fantoccini.app.cli_support import (
 )
 from fantoccini.base import Array, StandError, Times, replacing
 from fantoccini.stand import (
-    ENDINGS,
+    SET_POINT_SUFFIXES,
     ArtNet,
     Emulator,
     Grbl,
@@ -41,13 +41,13 @@ from fantoccini.stand import (
     SetPoints,
     Stand,
     check_stand,
-    controlled,
     grbl_settings,
     load_stand,
     positions_together,
     save_points,
     set_points,
     start_waits,
+    with_controller,
 )
 
 _DEFAULT_RATE = 50.0
@@ -58,7 +58,7 @@ _SAMPLE_RATE = 100.0
 
 def export_points(arguments: StandExportArguments) -> None:
     """Writes the set points of a run to a file."""
-    check_output(arguments.out, ENDINGS, "OUT")
+    check_output(arguments.out, SET_POINT_SUFFIXES, "OUT")
     with ProgressDisplay(arguments.quiet) as display:
         points = _load_points(arguments, arguments.stand, arguments.run, display)
         points_by_path = {
@@ -106,7 +106,7 @@ def emulate_controllers(
     """Emulates the controllers until their programs end or packets stop."""
     if out is not None:
         check_output(out, (".csv",), "--out")
-    loaded_stand = controlled(load_stand(stand), controller)
+    loaded_stand = with_controller(load_stand(stand), controller)
     controllers = [part.controller for part in loaded_stand.parts.values()]
     type_names = ", ".join(getattr(part_controller, "type", "") for part_controller in controllers)
     if isinstance(controllers[0], Osc | ArtNet):
@@ -192,7 +192,7 @@ def _receive_packets(
                 time.sleep(0.1)
     if not quiet:
         seconds = receiver.t[-1] if len(receiver) else 0.0
-        print_message(f"{len(receiver)} packets in {seconds:.3f} s, {receiver.wrong} wrong")
+        print_message(f"{len(receiver)} packets in {seconds:.3f} s, {receiver.n_unreadable} wrong")
     return receiver
 
 

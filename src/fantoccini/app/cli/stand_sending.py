@@ -32,16 +32,16 @@ from fantoccini.stand import (
     Channel,
     Grbl,
     Program,
-    Sending,
+    SendCounts,
     SetPoints,
-    Streamed,
-    check_first,
-    first_lost,
+    StreamCounts,
+    check_start_time,
+    first_lost_line,
+    gcode_lines,
     gcode_program,
-    lines_of,
-    packets_of,
-    resumed,
-    resumed_points,
+    packet_encoder,
+    resume_lines,
+    resume_points,
     send_points,
     serial_port,
     slow_feed,
@@ -64,13 +64,13 @@ def send_lines(points: SetPoints, arguments: StandStreamArguments) -> None:
     with ProgressDisplay(arguments.quiet) as display:
         display.stage("timing the moves")
         if arguments.from_time is not None:
-            points = resumed_points(points, arguments.from_time)
+            points = resume_points(points, arguments.from_time)
         by_controller = points.parts
         programs = {name: gcode_program(part) for name, part in by_controller.items()}
-    lines = {name: lines_of(program.text) for name, program in programs.items()}
+    lines = {name: gcode_lines(program.text) for name, program in programs.items()}
     if arguments.from_line is not None:
         (text,) = (program.text for program in programs.values())
-        lines = {"": resumed(text, arguments.from_line, slow_feed(points))}
+        lines = {"": resume_lines(text, arguments.from_line, slow_feed(points))}
     if arguments.dry_run:
         for name, program_lines in lines.items():
             for line in program_lines:
@@ -79,7 +79,7 @@ def send_lines(points: SetPoints, arguments: StandStreamArguments) -> None:
     if not arguments.quiet:
         print_message("sending; Ctrl-C holds")
     started = time.monotonic()
-    counts = {name: Streamed() for name in by_controller}
+    counts = {name: StreamCounts() for name in by_controller}
     try:
         with contextlib.ExitStack() as stack:
             hold = stack.enter_context(_hold_on_interrupt())
@@ -150,7 +150,7 @@ def _ports(parts: Mapping[str, SetPoints], port_options: list[str]) -> dict[str,
     return ports
 
 
-def _lines_text(counts: Mapping[str, Streamed]) -> str:
+def _lines_text(counts: Mapping[str, StreamCounts]) -> str:
     """The last acknowledged line of every controller, in words."""
     texts = [
         f"line {count.last_line}" + (f" of {name}" if name else "")
@@ -160,13 +160,15 @@ def _lines_text(counts: Mapping[str, Streamed]) -> str:
 
 
 def _print_how_to_continue(
-    parts: Mapping[str, SetPoints], programs: Mapping[str, Program], counts: Mapping[str, Streamed]
+    parts: Mapping[str, SetPoints],
+    programs: Mapping[str, Program],
+    counts: Mapping[str, StreamCounts],
 ) -> None:
     """Prints the line, or with several controllers the time, from which a stream can continue."""
     if not any(count.last_line for count in counts.values()):
         return
     first_lost_line = {
-        name: first_lost(programs[name].text, count.last_line, parts[name].controller.planner)
+        name: first_lost_line(programs[name].text, count.last_line, parts[name].controller.planner)
         for name, count in counts.items()
     }
     if "" in first_lost_line:
@@ -197,10 +199,10 @@ def send_packets(points: SetPoints, arguments: StandStreamArguments) -> None:
         if value is not None:
             fail(f"applies to G-code, and the controller is {controller.type}", option)
     host, port = target_address(arguments.to, "--to") or (controller.host, controller.port)
-    start, motion = arguments.from_time or 0.0, points.whole()
-    check_first(start, float(motion.t[-1]))
+    start, motion = arguments.from_time or 0.0, points.complete_motion()
+    check_start_time(start, float(motion.t[-1]))
     if arguments.dry_run:
-        packets = packets_of(points.map.stand, controller, points.rate)
+        packets = packet_encoder(points.map.stand, controller, points.rate)
         for t, position in zip(motion.t, motion.position, strict=True):
             if t >= start:
                 print_output(f"{t:.4f} {packets.describe(position)}")
@@ -211,7 +213,7 @@ def send_packets(points: SetPoints, arguments: StandStreamArguments) -> None:
             "they must already be there"
         )
     broadcast = isinstance(controller, ArtNet) and controller.broadcast
-    counts = Sending()
+    counts = SendCounts()
     try:
         with _hold_on_interrupt() as hold, udp_sender(host, port, broadcast) as send:
             send_points(

@@ -58,7 +58,7 @@ class Track:
         return offsets
 
     def refined(self, samples: Indices) -> Track:
-        """The track with another key in the middle of each span that contains a sample of `samples`."""
+        """The track with another key in the middle of each span with one of `samples`."""
         return (
             self if self.keys is None else Track(self.curve, self.keys.refined(self.curve, samples))
         )

@@ -77,8 +77,8 @@ class Spans:
         directions: (S, T, 3) unit vectors along the spans.
         frames: (S, T, 4) orientations whose z axes are the directions, without twist.
         orientations: (T, 4) orientations of the links, by index.
-        slack_length: (T,) length of the string while it is slack, zero while it is taut [m]; None for a
-            line that is never slack.
+        slack_length: (T,) length of the string while it is slack, zero while it is taut [m]; None
+            for a line that is never slack.
         floor: height below which no string sags [m].
     """
 

@@ -16,7 +16,12 @@ from fantoccini.base import Array, ExchangeError, FileError, Mistake, Quaternion
 from fantoccini.base.documents import Located
 from fantoccini.model.meshes import MeshFile
 from fantoccini.model.puppet import QUANTITIES, AnyShape, Puppet, Shape, dump
-from fantoccini.output.exchange.imported import MAX_NAME_LENGTH, Imported, ImportNote, valid_name
+from fantoccini.output.exchange.imported import (
+    MAX_NAME_LENGTH,
+    ImportedPuppet,
+    ImportNote,
+    valid_name,
+)
 from fantoccini.output.exchange.model_file import ModelFile
 
 RESERVED = ("world", "floor")
@@ -128,7 +133,7 @@ class Draft:
         self.meshes[path] = content
         return path
 
-    def finish(self, header: Sequence[str]) -> Imported:
+    def finish(self, header: Sequence[str]) -> ImportedPuppet:
         """The complete puppet file.
 
         Args:
@@ -149,7 +154,9 @@ class Draft:
         lines = (*header, *_comment_lines(notes_without_part))
         comment = "".join(f"# {replace_unprintable(line)}".rstrip() + "\n" for line in lines)
         sources = self.file.path, *self.file.included_files, *self.sources
-        return Imported(comment + text, tuple(self.notes), self.meshes, tuple(self.joints), sources)
+        return ImportedPuppet(
+            comment + text, tuple(self.notes), self.meshes, tuple(self.joints), sources
+        )
 
     @contextmanager
     def shape_reader(self) -> Iterator[Callable[[dict[str, Any]], Shape | None]]:

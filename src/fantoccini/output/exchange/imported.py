@@ -45,7 +45,7 @@ class ImportNote:
 
 
 @dataclass(frozen=True)
-class Imported:
+class ImportedPuppet:
     """A model as a puppet.
 
     Attributes:

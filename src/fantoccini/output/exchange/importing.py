@@ -15,7 +15,7 @@ from fantoccini.base import ExchangeError, StateError, UnknownNameError, is_numb
 from fantoccini.dynamics.mujoco import library
 from fantoccini.model.puppet import QUANTITIES
 from fantoccini.output.exchange.draft import Draft, written_numbers
-from fantoccini.output.exchange.imported import Imported
+from fantoccini.output.exchange.imported import ImportedPuppet
 from fantoccini.output.exchange.mjcf_bodies import BodyConverter, CompiledModel
 from fantoccini.output.exchange.mjcf_copies import attached_models
 from fantoccini.output.exchange.mjcf_includes import (
@@ -35,7 +35,7 @@ _DEFAULT_MODEL_NAME = "MuJoCo Model"
 
 def import_model(
     path: str | os.PathLike[str], keyframe: str | None = None, density: float | None = None
-) -> Imported:
+) -> ImportedPuppet:
     """Converts a model in MJCF or URDF to a puppet file.
 
     Joints keep their coordinates: apart from the differences in the report, accelerations equal
@@ -80,7 +80,7 @@ def _check_density(density: float | None) -> None:
         )
 
 
-def mjcf_puppet(file: ModelFile, keyframe: str | None) -> Imported:
+def mjcf_puppet(file: ModelFile, keyframe: str | None) -> ImportedPuppet:
     """Converts an MJCF file to a puppet file."""
     file = with_includes(file)
     models = attached_models(file)

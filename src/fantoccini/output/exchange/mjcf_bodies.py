@@ -67,7 +67,8 @@ class BodyConverter:
         compiled, m: the compiled model, and MuJoCo's model in it.
         draft: draft of the puppet.
         bodies, joints: index -> element of the model's file.
-        springs_enabled, dampers_enabled, limits_enabled, equalities_enabled: whether MuJoCo's flags enable them.
+        springs_enabled, dampers_enabled, limits_enabled, equalities_enabled: whether MuJoCo's
+            flags enable them.
         damping, armature: (n_v,) values of the joints, including those of actuators.
         names: (n_body,) names of the puppet's bodies; ``world`` for the world.
         wires: tendons whose constraint became a wire.

@@ -55,8 +55,8 @@ def check_memory(files: Iterable[tuple[ModelFile, int]]) -> None:
             total += n_bytes
             if total > _MAX_BYTES:
                 text = (
-                    f"MuJoCo would need {n_bytes / 1e6:,.0f} MB for it, {total / 1e6:,.0f} MB up to "
-                    f"this line; allowed: {_MAX_BYTES / 1e6:,.0f} MB. Make it smaller"
+                    f"MuJoCo would need {n_bytes / 1e6:,.0f} MB for it, {total / 1e6:,.0f} MB up "
+                    f"to this line; allowed: {_MAX_BYTES / 1e6:,.0f} MB. Make it smaller"
                 )
                 raise file.error_at(text, element.line, element.tag)
 
@@ -85,7 +85,10 @@ def _element_bytes(
     n_elements: int,
     has_rangefinders: bool,
 ) -> float:
-    """Memory for an element with its attributes [bytes]; `has_rangefinders`: the model has rangefinders."""
+    """Memory for an element with its attributes [bytes].
+
+    ``has_rangefinders``: whether the model has rangefinders.
+    """
 
     def values_of(key: str) -> list[float]:
         return _numbers(attributes.get(key, ""))

@@ -20,7 +20,7 @@ from fantoccini.output.exchange.draft import (
     written_number,
     written_numbers,
 )
-from fantoccini.output.exchange.imported import Imported
+from fantoccini.output.exchange.imported import ImportedPuppet
 from fantoccini.output.exchange.model_file import XACRO, Element, ModelFile
 from fantoccini.output.exchange.urdf_masses import add_masses
 from fantoccini.output.exchange.urdf_shapes import add_shapes
@@ -87,7 +87,7 @@ _OMITTED_TAGS = {
 """Elements without counterpart."""
 
 
-def urdf_puppet(file: ModelFile, density: float | None = None) -> Imported:
+def urdf_puppet(file: ModelFile, density: float | None = None) -> ImportedPuppet:
     """Converts a URDF file to a puppet file.
 
     Args:

@@ -28,7 +28,8 @@ def draw_stage_plan(play: Play, used_area: Rectangle) -> Figure:
 
     Args:
         play: the compiled play.
-        used_area: ((low, high) of x, (low, high) of y): area in which the hands move in the play [m].
+        used_area: ((low, high) of x, (low, high) of y): area in which the hands move in the play
+            [m].
     """
     stage = overhead(play)
     low, high = _extent(play, stage, used_area)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from fantoccini.output.html import Page, Table, write_page
 from fantoccini.output.reports import stand_plots
-from fantoccini.stand import QUANTITIES, lost_lines, remedies
+from fantoccini.stand import QUANTITIES, lost_step_lines, remedies
 
 if TYPE_CHECKING:
     from fantoccini.stand import SlowedRun, StandCheck
@@ -56,7 +56,7 @@ def _page(check: StandCheck, slower: tuple[SlowedRun | None, str] | None) -> Pag
         page.table(_broken_limits_table(check))
         if check.lost:
             page.subsection("Lost steps")
-            page.items(lost_lines(check))
+            page.items(lost_step_lines(check))
         page.section("Remedies")
         page.items(remedies(check))
     if slower is not None:
@@ -115,7 +115,7 @@ def _broken_limits_table(check: StandCheck) -> Table:
             f"{limit.bound:.4g}",
             limit.unit,
             f"{limit.t:.3f}",
-            limit.over,
+            limit.excess_text,
         )
         for limit in check.broken[:MAX_LISTED_LIMITS]
     )
@@ -138,7 +138,7 @@ def margin_table(check: StandCheck) -> Table:
     quantities = [q for q in QUANTITIES if q in checked]
     lines, red_lines = [], set()
     for i, axis in enumerate(check.axes):
-        limits = check.of(axis.name)
+        limits = check.limits_of_axis(axis.name)
         cells = [check.margin_text(axis.name, q) for q in quantities]
         lines.append((axis.name, axis.kind, *cells))
         if any(limit.broken is not None for limit in limits.values()):
@@ -150,7 +150,10 @@ def margin_table(check: StandCheck) -> Table:
 def _slower_table(check: StandCheck, slowed_run: SlowedRun) -> Table:
     rows: list[Sequence[str]] = []
     for axis in check.axes:
-        limits, slowed_limits = check.of(axis.name), slowed_run.check.of(axis.name)
+        limits, slowed_limits = (
+            check.limits_of_axis(axis.name),
+            slowed_run.check.limits_of_axis(axis.name),
+        )
         worst = min(limits.values(), key=lambda limit: limit.margin)
         slowed_limit = slowed_limits.get(worst.quantity)
         margin = "" if slowed_limit is None else f"{slowed_limit.margin:.0f}"

@@ -142,7 +142,7 @@ def time_figures(check: StandCheck, theme: Theme = LIGHT) -> Iterator[tuple[Figu
 
 
 def _axis_row(row: Array, check: StandCheck, k: int, theme: Theme) -> None:
-    axis, motion, limits = check.axes[k], check.motion, check.of(check.axes[k].name)
+    axis, motion, limits = check.axes[k], check.motion, check.limits_of_axis(check.axes[k].name)
     t = motion.t
     speed = np.full(len(t), limits["speed"].bound)
     acceleration = np.full(len(t), limits["acceleration"].bound)

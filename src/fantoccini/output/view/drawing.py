@@ -221,7 +221,8 @@ class Sheet:
             geometry: geometry with the floor.
             layout: camera and theme.
             grid: whether to draw grid lines.
-            light_centre: (3,) centre of the light [m]; by default the light covers the whole motion.
+            light_centre: (3,) centre of the light [m]; by default the light covers the whole
+                motion.
             animated: whether matplotlib draws it only on request, as for animations.
             frame: rectangle that the set of a stage fills; the whole sheet by default.
 

@@ -60,7 +60,8 @@ class Occluder:
     Attributes:
         axis: (2, 3) ends of its longest inner line in the world frame [m].
         half_thickness: distance from that line to the surface [m].
-        to_unit_ball: (3, 3) map of the solid, or of a capsule's cross-section, to the unit ball [1/m].
+        to_unit_ball: (3, 3) map of the solid, or of a capsule's cross-section, to the unit ball
+            [1/m].
         is_capsule: True for a capsule: its ball may be anywhere on the axis.
         bounds: (4,) left, bottom, right, top in the picture [px].
         faces: faces of a box, else None.

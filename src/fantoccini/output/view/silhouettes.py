@@ -37,8 +37,8 @@ class Solid:
         points: (2, 3) ends of a capsule; (1, 3) centre of an ellipsoid; (n, 3) vertices of faces
             [m].
         radius: radius of a capsule [m].
-        half_axes: (3, 3) half axes, as columns, of an ellipsoid, or of the one that replaces a solid
-            with faces in the painting order [m]; zero for a capsule.
+        half_axes: (3, 3) half axes, as columns, of an ellipsoid, or of the one that replaces a
+            solid with faces in the painting order [m]; zero for a capsule.
         faces: indices of each face's corners in ``points``, anticlockwise seen from outside.
         smooth: True for a mesh: edges between faces are not drawn.
         colours: (m, 3) colours of the faces, if they differ; else None.

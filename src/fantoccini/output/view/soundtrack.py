@@ -46,8 +46,8 @@ def soundtrack(
         return [], ["-an"]
     if not SPEED_RANGE[0] <= speed <= SPEED_RANGE[1]:
         raise ValueError(
-            f"speed is {speed:g}; a film with sound needs {SPEED_RANGE[0]:g} to {SPEED_RANGE[1]:g}, "
-            "or no sounds"
+            f"speed is {speed:g}; a film with sound needs {SPEED_RANGE[0]:g} to "
+            f"{SPEED_RANGE[1]:g}, or no sounds"
         )
     inputs, filter_chains = list[str](), list[str]()
     for i, sound in enumerate(audible, start=1):
