@@ -36,7 +36,7 @@ from fantoccini.app.cli_support.output_options import OutputOptions
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
-Arguments = TypeVar("R", bound="DataclassInstance")
+Arguments = TypeVar("Arguments", bound="DataclassInstance")
 
 
 def with_arguments(

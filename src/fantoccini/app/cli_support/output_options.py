@@ -56,7 +56,7 @@ class OutputOptions:
     end: float | None = None
 
     @classmethod
-    def of(
+    def parse(
         cls,
         view: str | None,
         focus: Focus | None,
