@@ -27,7 +27,7 @@ BODIES = {"torso", "skull", *(f"{x}_{side}" for x in SIDES for side in ("left", 
 """Bodies of the marionette."""
 
 
-def placed(run: fan.Trajectory, fps: float) -> dict[str, np.ndarray]:
+def frame_poses(run: fan.Trajectory, fps: float) -> dict[str, np.ndarray]:
     """(T, 3, 4) poses of all links at the frames, turned to y up."""
     t = run.t[0] + np.arange(int(run.duration * fps * (1 + 1e-12)) + 1) / fps
     still, even = still_of(run), run.resample(np.minimum(t, run.t[-1]))
@@ -37,7 +37,7 @@ def placed(run: fan.Trajectory, fps: float) -> dict[str, np.ndarray]:
 
 def check(clip: Capture, run: fan.Trajectory, fps: float) -> set[str]:
     """Joints have the places and orientations of the bodies; returns the names of the bodies."""
-    poses, joints = placed(run, fps), set(clip.skeleton.names)
+    poses, joints = frame_poses(run, fps), set(clip.skeleton.names)
     bodies = joints & {link.name for link in still_of(run).tree.links}
     for name in bodies:
         k = clip.skeleton.index(name)
@@ -59,7 +59,7 @@ def test_pybvh_places_the_bodies_as_the_run_does(greeting: fan.Trajectory, tmp_p
     path = fan.export(greeting, tmp_path / "greeting.bvh", fps=24)
     clip = pybvh.read_bvh_file(path, world_up="+y")
     theirs = pybvh.frames_to_node_positions(clip)
-    poses, names = placed(greeting, 24), [node.name for node in clip.nodes]
+    poses, names = frame_poses(greeting, 24), [node.name for node in clip.nodes]
     assert clip.frame_time == pytest.approx(1 / 24, abs=1e-12)
     assert set(names) >= BODIES and clip.root.name == "torso"
     for name in BODIES:
@@ -117,7 +117,7 @@ def test_members_and_sliding_bodies_have_places_under_one_root(tmp_path: Path) -
         assert clip.skeleton.names[0] == run.puppet.name
         assert clip.skeleton.parents.count(-1) == 1
         assert check(clip, run, 10) == bodies
-        poses = placed(run, 10)
+        poses = frame_poses(run, 10)
         moved = [np.ptp(poses[name][..., 3], axis=0).max() for name in sorted(bodies)]
         assert max(moved) > 0.05
         other.loadPose(5)

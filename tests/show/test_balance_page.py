@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.show.browser import chrome, picture, until, words
+from tests.show.browser import chrome, page_text, picture, until
 from tests.show.toys import TOY
 from tests.show.viewer import Viewer
 
@@ -91,5 +91,5 @@ def test_the_page_reports_the_balance(page):
     with chrome() as browser:
         page.view.panel.views.shadows_box.value = False
         browser.get(page.url)
-        until(lambda: "updates" in words(browser), "the page tells of updates", 120.0)
+        until(lambda: "updates" in page_text(browser), "the page tells of updates", 120.0)
         picture(browser, "balance")

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from tests.perform.played import PLAY
-from tests.show.browser import chrome, picture, pixel, until, words
+from tests.show.browser import chrome, page_text, picture, pixel, until
 from tests.show.viewer import Viewer
 from websockets.sync.client import connect
 
@@ -77,7 +77,7 @@ def test_a_browser_shows_go_the_cue_and_the_caption_at_once_and_the_space_bar_is
     """It opened with the strings, and GO, the cue and the caption were not in view."""
     with chrome() as browser:
         browser.get(scene.page.url)
-        until(lambda: "stands by for GO" in words(browser), "the tab is shown")
+        until(lambda: "stands by for GO" in page_text(browser), "the tab is shown")
         shown = "GO (Space)", "GO begins 1 pierrot: wave", "pierrot: Good evening!"
         ends = browser.execute_script(
             "return arguments[0].map((text) => [...document.querySelectorAll('*')]"

@@ -331,7 +331,7 @@ def test_set_points_resume_at_a_time(lifted, hoist):
         send_points(points, sent.append, first=1.5)
 
 
-def sent_to(points, packets, wait=0.2):
+def stand_after_packets(points, packets, wait=0.2):
     """An emulated stand that received packets, followed by silence."""
     listener = Receiver(points.map.stand, points.controller, LOCAL, 0)
     with listener as stand, udp_sender(*stand.address) as send:
@@ -348,12 +348,12 @@ def test_the_emulated_stand_refuses_other_packets(lifted, hoist):
     elsewhere = points.controller.model_copy(update={"universe": 6})
     other = packet_encoder(points.map.stand, elsewhere, 40.0).encode(np.ones(1), 0.0)
     noise = np.random.default_rng(0).bytes(600)
-    stand = sent_to(points, [good, b"Art-Net\0", other, good[:19], b"", noise], 0.7)
+    stand = stand_after_packets(points, [good, b"Art-Net\0", other, good[:19], b"", noise], 0.7)
     assert len(stand) == 1 and stand.n_unreadable == 5
     assert stand.stops == 1 and stand.silent
     points = points_of(lifted, hoist)
     message = b"/winch\0\0,f\0\0"
-    stand = sent_to(
+    stand = stand_after_packets(
         points,
         [
             message + b"\x7f\xc0\0\0",

@@ -22,7 +22,7 @@ ABLE = STAND.replace("TORQUE", "0.5").replace("speed: 1\n", "speed: 2\n")
 HOME = ABLE + "    home: {towards: min, at: 0.2, speed: 0.03}\n"
 
 
-def replayed(points, inverse=True):
+def replay_lines(points, inverse=True):
     """The machine after all lines, and its settings."""
     machine = GrblMachine(grbl_settings(points.map.stand, points.controller, points.rate))
     for line in gcode(points, inverse).splitlines():
@@ -41,7 +41,7 @@ def step_errors(points, machine):
 @pytest.mark.parametrize("sequences", [{}, {"home": True, "slack": 0.01, "park": True}])
 def test_six_motors_are_within_a_step_at_all_set_points(conduct, rate, inverse, sequences):
     points = set_points("six_winches", conduct, rate=rate, controller="fluidnc", **sequences)
-    machine = replayed(points, inverse)
+    machine = replay_lines(points, inverse)
     assert np.max(step_errors(points, machine)) <= 1.0
     if sequences:
         home = [axis.file.home.at + 0.002 for axis in points.axes]
@@ -67,7 +67,7 @@ def test_six_motors_are_within_a_step_at_all_set_points(conduct, rate, inverse, 
 )
 def test_holds_reversals_and_fine_steps(lifted, hoist, text):
     points = set_points(loads_stand(text), lifted, hoist, controller="grbl", force=True)
-    assert np.max(step_errors(points, replayed(points))) <= 1.0
+    assert np.max(step_errors(points, replay_lines(points))) <= 1.0
 
 
 def test_a_puppet_on_the_emulated_steps_moves_as_in_its_run(hoist):
@@ -75,7 +75,7 @@ def test_a_puppet_on_the_emulated_steps_moves_as_in_its_run(hoist):
     save_at = np.linspace(0.0, 4.5, 451)
     first = fan.simulate(hoist, x0, fan.Input.waypoints(hoist, GENTLE), 4.5, save_at=save_at)
     points = set_points(loads_stand(ABLE), first, hoist, controller="grbl")
-    machine = replayed(points)
+    machine = replay_lines(points)
     t = points.motion.t[::2]
     p = 1e-3 * machine.positions(machine.dwell_ends[0] + t)
     inputs = fan.Input.samples(hoist, t, {"line.length": p[:, 0]})

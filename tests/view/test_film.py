@@ -14,7 +14,7 @@ from fantoccini.output.view.drawing import PictureOptions
 from fantoccini.output.view.films import Frames
 from fantoccini.output.view.geometry import run_geometry
 from fantoccini.output.view.theme import DARK
-from view.still_life import bundled, walking
+from view.still_life import bundled_still_life, walking_motion
 
 pytestmark = pytest.mark.medium
 
@@ -93,8 +93,8 @@ def test_motions_that_cannot_be_filmed_are_refused(tmp_path, swung):
 
 def test_the_camera_follows_a_walking_puppet():
     """Regression: a walking puppet was small in the picture, or left it."""
-    m = bundled("marionette_bar")
-    run = walking(m, 4.0)
+    m = bundled_still_life("marionette_bar")
+    run = walking_motion(m, 4.0)
     geometry = run_geometry(m, run)
     frames = Frames(geometry, PictureOptions.resolve(theme=DARK, size=(320, 240)))
     assert frames.pan[-1] - frames.pan[0] == pytest.approx([4.0, 0.0, 0.0], abs=0.1)
@@ -118,8 +118,8 @@ def test_the_camera_stands_still_without_a_walk(swung):
     m, run = swung
     look = PictureOptions.resolve(focus="bodies", theme=DARK, size=(160, 120))
     assert Frames(run_geometry(m, run), look).pan is None
-    m = bundled("marionette_bar")
-    run = walking(m, 0.2)
+    m = bundled_still_life("marionette_bar")
+    run = walking_motion(m, 0.2)
     assert (
         Frames(run_geometry(m, run), PictureOptions.resolve(theme=DARK, size=(160, 120))).pan
         is None

@@ -29,7 +29,7 @@ def still(marionette):
     return UncompiledPuppet(marionette.puppet, marionette.tree, marionette.number)
 
 
-def moved(marionette, seed):
+def moved_configurations(marionette, seed):
     """Configurations (4, n_qD), (4, n_qK) about the file's pose."""
     rng, table = np.random.default_rng(seed), marionette.coordinates
     q_D = table.start_D + rng.normal(0.0, 0.4, (4, table.n_qD))
@@ -43,7 +43,7 @@ def moved(marionette, seed):
 @pytest.mark.parametrize("name", PUPPETS)
 def test_poses_points_and_lengths_are_those_of_the_compiled_model(name):
     compiled = getattr(fan.puppets, name)()
-    plain, q = still(compiled), moved(compiled, 3)
+    plain, q = still(compiled), moved_configurations(compiled, 3)
     assert np.allclose(plain.poses(*q), compiled.poses(*q), atol=1e-12)
     for ours, theirs in zip(
         plain.string_points(*q).values(), compiled.string_points(*q).values(), strict=True

@@ -16,7 +16,7 @@ from fantoccini.output.view.camera import Viewport
 from fantoccini.output.view.drawing import PictureOptions, fit_layout
 from fantoccini.output.view.geometry import run_geometry
 from fantoccini.output.view.studio import Studio
-from view.still_life import bundled, swinging
+from view.still_life import bundled_still_life, swinging_motion
 
 SIZE = (300, 400)
 
@@ -89,8 +89,8 @@ def test_a_picture_and_a_film(installed, tmp_path, swung):
 
 @pytest.mark.parametrize("name", ["string_pendulum", "crane", "marionette_bar"])
 def test_other_puppets_are_photographed(installed, tmp_path, name):
-    m = bundled(name)
-    run = swinging(m)
+    m = bundled_still_life(name)
+    run = swinging_motion(m)
     target = view.draw(
         m, run.state(5), tmp_path / "a.png", size=SIZE, scale=1.0, theme="dark", renderer="pyvista"
     )
