@@ -20,14 +20,14 @@ import fantoccini as fan
 from fantoccini.control.planning import solve
 
 
-def tasks(names: Sequence[str]) -> None:
+def print_answers(names: Sequence[str]) -> None:
     """Prints status, iterations and cost of the answer to each task."""
     for name in names:
         best = fan.optimise(fan.control.load_task(name), time_limit=86_400.0)
         print(f"{name}: {best.status.name}, {best.iterations} iterations, cost {best.cost!r}")
 
 
-def plans(name: str, seeds: int, polished: bool) -> None:
+def print_plans(name: str, seeds: int, polished: bool) -> None:
     """Prints the number of seeds with a plan, processor times, and a hash of all inputs.
 
     Args:
@@ -60,10 +60,10 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=50)
     arguments = parser.parse_args()
     if arguments.what == "tasks":
-        tasks(arguments.names)
+        print_answers(arguments.names)
     else:
         for name in arguments.names:
-            plans(name, arguments.seeds, arguments.what == "polished")
+            print_plans(name, arguments.seeds, arguments.what == "polished")
 
 
 if __name__ == "__main__":

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 from rich.table import Table
-from tests.show.browser import chrome, missing, until
+from tests.show.browser import chrome, missing_reason, until
 from tests.show.viewer import Viewer
 
 import fantoccini as fan
@@ -31,7 +31,9 @@ ROUNDS = 5
 MOVES = 40
 
 
-def dragged(live: fan.Performance, homes: dict, rng: np.random.Generator, reach: float) -> None:
+def drag_handles(
+    live: fan.Performance, homes: dict, rng: np.random.Generator, reach: float
+) -> None:
     """Moves the target of every handle to a random place up to ``reach`` from its home [m]."""
     for name, (position, _) in homes.items():
         live.move(name, position + reach * rng.uniform(-1.0, 1.0, size=3))
@@ -48,7 +50,7 @@ def real_time_factors(name: str, reach: float) -> tuple[float, float]:
     for _ in range(ROUNDS):
         begun = time.perf_counter(), time.process_time()
         for _ in range(round(60 * SECONDS)):
-            dragged(live, homes, rng, reach)
+            drag_handles(live, homes, rng, reach)
             live.advance(1 / 60)
         ended = time.perf_counter(), time.process_time()
         rates.append([SECONDS / (b - a) for a, b in zip(begun, ended, strict=True)])
@@ -56,7 +58,7 @@ def real_time_factors(name: str, reach: float) -> tuple[float, float]:
     return by_clock, by_processor
 
 
-def answer(name: str) -> float:
+def answer_time(name: str) -> float:
     """Median time from a drag to a changed state, while the puppet is alive [s]."""
     live, rng = fan.Performance(getattr(fan.puppets, name)()), np.random.default_rng(0)
     stop = threading.Event()
@@ -87,9 +89,9 @@ def answer(name: str) -> float:
 
 
 @contextlib.contextmanager
-def looked_at(url: str) -> Iterator[None]:
+def open_in_browser(url: str) -> Iterator[None]:
     """Opens a page in a headless Chromium meanwhile, if there is one."""
-    if missing():
+    if missing_reason():
         yield
         return
     with chrome() as browser:
@@ -129,7 +131,7 @@ def page_cost(name: str) -> tuple[float, float, float]:
     One viewer drags the first handle continuously, and a browser shows the page.
     """
     puppet = getattr(fan.puppets, name)()
-    with fan.show(puppet, port=0, browser=False, wait=False) as page, looked_at(page.url):
+    with fan.show(puppet, port=0, browser=False, wait=False) as page, open_in_browser(page.url):
         orders, theirs = multiprocessing.Pipe()
         context: Any = multiprocessing.get_context("spawn")
         person = context.Process(target=puppeteer, args=(page.url, "/handles/0", theirs))
@@ -166,7 +168,7 @@ def main() -> None:
     for name in PUPPETS:
         factors = (real_time_factors(name, reach) for reach in (0.05, 10.0))
         cells = (f"{clock:.1f} ({processor:.1f})" for clock, processor in factors)
-        table.add_row(name, *cells, f"{1000 * answer(name):.1f} ms")
+        table.add_row(name, *cells, f"{1000 * answer_time(name):.1f} ms")
     Console().print(table)
     table = Table("page", "updates a second", "of one core", "drag to changed state")
     for name in (*PUPPETS[:2], "visit"):

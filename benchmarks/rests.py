@@ -16,7 +16,7 @@ import fantoccini as fan
 from fantoccini.base import tangent
 
 
-def begun(puppet: fan.Marionette, seed: int) -> fan.State:
+def start_state(puppet: fan.Marionette, seed: int) -> fan.State:
     """A state that is not at rest; with seed 0 the puppet's own pose."""
     x, rng = puppet.state(), np.random.default_rng(seed)
     if not seed:
@@ -43,7 +43,7 @@ def main() -> None:
         puppet = getattr(fan.puppets, name)()
         for seed in range(arguments.seeds):
             try:
-                rests[f"{name}-{seed}"] = puppet.rest(begun(puppet, seed)).q_D
+                rests[f"{name}-{seed}"] = puppet.rest(start_state(puppet, seed)).q_D
             except fan.errors.StateError:
                 rests[f"{name}-{seed}"] = np.zeros(0)
     np.savez(arguments.out, **rests)

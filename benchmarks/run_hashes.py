@@ -44,7 +44,7 @@ def arrays(result: object, names: tuple[str, ...]) -> list[object]:
     return [x for x in (getattr(result, name, None) for name in names) if x is not None]
 
 
-def pulled(puppet: fan.Marionette, x0: fan.State, pull: float) -> fan.Input | None:
+def pulling_inputs(puppet: fan.Marionette, x0: fan.State, pull: float) -> fan.Input | None:
     """A driven length or height that is shortened by ``pull`` and lengthened again [m]."""
     table = puppet.coordinates
     names = [n for n in table.q_K if n.endswith(("length", ".z"))] or list(table.q_K)
@@ -57,13 +57,17 @@ def pulled(puppet: fan.Marionette, x0: fan.State, pull: float) -> fan.Input | No
 def runs(puppet: fan.Marionette, x0: fan.State, t_end: float) -> Parts:
     """Single runs and batches of every method."""
     for pull in (0.0, 0.02, 0.04, 0.4):
-        inputs = pulled(puppet, x0, pull)
+        inputs = pulling_inputs(puppet, x0, pull)
         if pull and inputs is None:
             continue
         for method in METHODS[: 3 if puppet.contacts is None else 2]:
             run = fan.simulate(puppet, x0, inputs, t_end=t_end, method=method, throw=False)
             yield f"{method} {pull} {run.status.name}", arrays(run, SAMPLES)
-            several = [pulled(puppet, x0, pull * (1 + 0.1 * i)) for i in range(5)] if pull else None
+            several = (
+                [pulling_inputs(puppet, x0, pull * (1 + 0.1 * i)) for i in range(5)]
+                if pull
+                else None
+            )
             many = fan.simulate_batch(
                 puppet, [x0] * 5, several, t_end=0.5 * t_end, method=method, save="all"
             )

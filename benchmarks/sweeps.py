@@ -21,19 +21,19 @@ ROUNDS = 8
 """Number of sweeps for every figure; the fastest, the least disturbed, is printed."""
 
 
-def nothing(case: fan.lab.Case) -> dict:
+def empty_study(case: fan.lab.Case) -> dict:
     """An empty study: the overhead of a case."""
     return {"x": case["k"]}
 
 
-def short(case: fan.lab.Case) -> dict:
+def short_study(case: fan.lab.Case) -> dict:
     """0.3 s of the two-link arm, event-driven: some milliseconds, most of them Python's."""
     x0, lift = case["start"]
     run = fan.simulate(case.marionette, x0, lift, t_end=0.3)
     return {"peak": run.tension["hand"].max()}
 
 
-def long(case: fan.lab.Case) -> dict:
+def long_study(case: fan.lab.Case) -> dict:
     """The 25-DOF marionette's greeting, time-stepped: compiled code nearly all the time."""
     x0, greeting = case["start"]
     run = fan.simulate(
@@ -61,9 +61,9 @@ def main() -> None:
     lift = fan.Input.waypoints(arm, {"hand.length": [(0, 0.8), (0.2, 0.7)]})
     hanging, greeting, _ = demo.performance(marionette)
     studies = (
-        ("nothing", nothing, 2000, None, None),
-        ("arm2d, 0.3 s, event", short, 200, arm, (x0, lift)),
-        ("marionette, 5 s, timestepping", long, 24, marionette, (hanging, greeting)),
+        ("nothing", empty_study, 2000, None, None),
+        ("arm2d, 0.3 s, event", short_study, 200, arm, (x0, lift)),
+        ("marionette, 5 s, timestepping", long_study, 24, marionette, (hanging, greeting)),
     )
     crews = [("threads", 1), ("threads", 2)]
     if importlib.util.find_spec("ray"):
@@ -74,7 +74,7 @@ def main() -> None:
         ray.init(num_cpus=2, include_dashboard=False, logging_level=40, log_to_driver=False)
         print(f"starting Ray on this machine: {time.perf_counter() - begun:.1f} s")
         begun = time.perf_counter()
-        fan.sweep(nothing, {"k": range(2)}, puppet=arm, on="ray", progress=False)
+        fan.sweep(empty_study, {"k": range(2)}, puppet=arm, on="ray", progress=False)
         print(f"its first sweep, as its processes import: {time.perf_counter() - begun:.1f} s")
         crews.append(("ray", 2))
     table = Table("cases/s", *(f"{on}, {n}" for on, n in crews))

@@ -74,7 +74,7 @@ PACKAGES = {
 }
 """Purpose and contents of each package, in the order of imports."""
 
-WALKS = {
+CODE_PATHS = {
     "From a puppet file to its compiled library": (
         ("model/puppet/files.py", "load", "text to a validated `Puppet`"),
         ("model/tree/construction.py", "grow", "links, rows, coordinates"),
@@ -373,7 +373,7 @@ TASKS = (
 """Extensions; if a folder has several similar files, the named file is the example to copy."""
 
 
-APART = (
+SEPARATE_SOLVERS = (
     (
         "rest of a puppet",
         "dynamics/equilibrium/equilibrium.py",
@@ -415,13 +415,13 @@ def page() -> str:
     """The text of docs/architecture.md."""
     apart = [
         f"| {problem} | `{file}` (`{name}`) | {unknowns} | {reason} |"
-        for problem, file, name, unknowns, reason in APART
+        for problem, file, name, unknowns, reason in SEPARATE_SOLVERS
     ]
     packages = [
         f"| `{name}` | {purpose} | {contents} |" for name, (purpose, contents) in PACKAGES.items()
     ]
     walks = []
-    for title, steps in WALKS.items():
+    for title, steps in CODE_PATHS.items():
         path = " → ".join(f"`{file}` (`{name}`): {does}" for file, name, does in steps)
         walks.append(f"- **{title}.** {path}.")
     tasks = [

@@ -282,11 +282,11 @@ PLAYS = {
     ),
 }
 """Play -> caption, and the times of the poses in its strip [s]."""
-PACE = 4.0
+PLAY_SPEED = 4.0
 """Seconds of a play per second of its film."""
 
 
-def perform(piece: Piece) -> tuple[fan.Marionette, Trajectory]:
+def perform_piece(piece: Piece) -> tuple[fan.Marionette, Trajectory]:
     """The puppet of a piece and its motion."""
     marionette = getattr(fan.puppets, piece.puppet)()
     method = "event" if piece.dt is None else fan.TimeStepping(dt=piece.dt)
@@ -307,7 +307,7 @@ def perform(piece: Piece) -> tuple[fan.Marionette, Trajectory]:
     )
 
 
-def draw(piece: Piece, marionette: fan.Marionette, run: Trajectory) -> None:
+def draw_piece(piece: Piece, marionette: fan.Marionette, run: Trajectory) -> None:
     """Writes strip of a piece, and its film if it has one."""
     other = {"dark": "light", "light": "dark"}[piece.theme]
     view.strip(
@@ -356,7 +356,7 @@ def draw_play(name: str) -> None:
             scale=1.0,
             look="stage",
         )
-    part = run.resample(np.arange(0.0, run.t[-1], PACE / FPS))
+    part = run.resample(np.arange(0.0, run.t[-1], PLAY_SPEED / FPS))
     view.film(
         play.marionette,
         part,
@@ -365,7 +365,7 @@ def draw_play(name: str) -> None:
         size=(400, 320),
         view=view.AUDIENCE,
         theme="dark",
-        speed=PACE,
+        speed=PLAY_SPEED,
         captions=play.score.captions,
     )
 
@@ -422,7 +422,7 @@ def page() -> str:
         f"## A play: {name}\n\n{text} It is written in "
         f"[{_lines(name)} lines](../src/fantoccini/theatre/plays/repertory/{name}.yaml); see "
         f"[Plays](plays.md).\n\n![{name}: poses](pictures/gallery/{name}.png)\n\n[Film](pictures/"
-        f"{name}.mp4): the whole play, {PACE:g} times as fast. The play:\n\n```\n"
+        f"{name}.mp4): the whole play, {PLAY_SPEED:g} times as fast. The play:\n\n```\n"
         f"fantoccini play {name} --out {name}.mp4\n```\n"
         for name, (text, _) in PLAYS.items()
     ]
@@ -481,7 +481,7 @@ def main() -> None:
     PICTURES.mkdir(parents=True, exist_ok=True)
     for piece in PIECES:
         if not only or piece.puppet in only:
-            draw(piece, *perform(piece))
+            draw_piece(piece, *perform_piece(piece))
             print(piece.puppet, flush=True)
     for name in PLAYS:
         if not only or name in only:

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import fantoccini as fan
 from fantoccini.output import reports
-from fantoccini.stand import find_slower_tempo, loads_stand, lost_lines, remedies
-from fantoccini.stand.stand_file import STANDS
+from fantoccini.stand import find_slower_tempo, loads_stand, lost_step_lines, remedies
+from fantoccini.stand.stand_file import BUNDLED_STANDS_FOLDER
 
 out = Path("out")
 out.mkdir(exist_ok=True)
@@ -24,14 +24,14 @@ print(strong.summary())
 reports.stand_report(strong, out / "strong.html")
 
 # The same stand with motors that are strong and slow, as on a supply of 12 V.
-text = (STANDS / "six_winches.yaml").read_text(encoding="utf-8")
+text = (BUNDLED_STANDS_FOLDER / "six_winches.yaml").read_text(encoding="utf-8")
 text = text.replace(
     "[[0, 0.88], [11, 0.88], [16, 0.60], [22, 0.44], [33, 0.29]]",
     "[[0, 0.50], [1, 0.42], [3, 0.10], [4, 0.015]]",
 )
 weak = fan.stand.check_stand(loads_stand(text), run, puppet)
 print(weak.summary())
-for line in (*lost_lines(weak), *remedies(weak)):
+for line in (*lost_step_lines(weak), *remedies(weak)):
     print(line)
 slower_run = find_slower_tempo(weak)
 print("slower:", slower_run[1])

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from benchmarks.contact import methods, problems, programs, scenarios
-from benchmarks.contact.boxes import Unlike
-from benchmarks.contact.mujoco_scene import SETTINGS, MuJoCoScene, text_of
+from benchmarks.contact.boxes import UnsupportedSceneError
+from benchmarks.contact.mujoco_scene import SETTINGS, MuJoCoScene, scene_mjcf
 
 import fantoccini as fan
 
@@ -15,7 +15,7 @@ pytestmark = pytest.mark.slow
 
 @pytest.fixture(scope="module")
 def cube():
-    return scenarios.cube(0.5)
+    return scenarios.cube_on_floor(0.5)
 
 
 def test_mujoco_gets_our_scene(cube):
@@ -34,21 +34,24 @@ def test_mujoco_gets_our_scene(cube):
         assert scene.points == 4
         normal = sum(scene.force(i)[0] for i in range(scene.data.ncon))
         assert normal == pytest.approx(weight, rel=1e-3)
-    course = scenarios.ours(cube, cube.state(), 0.01)
+    course = scenarios.run_fantoccini(cube, cube.state(), 0.01)
     assert course.normal[-1].sum() == pytest.approx(weight, rel=1e-9)
     assert len(course.normal[-1]) == 4
 
 
 def test_a_cube_slides_and_is_pushed_in_both(cube):
     """It stops after v^2 / (2 mu g); a push below the threshold moves nothing in our method."""
-    for run in (scenarios.ours, lambda *a, **k: scenarios.theirs(*a, hard=False, **k)):
+    for run in (
+        scenarios.run_fantoccini,
+        lambda *a, **k: scenarios.run_mujoco(*a, hard=False, **k),
+    ):
         assert scenarios.stopping_error(run) < 2e-3
-    assert scenarios.dragged_way(scenarios.ours) < 1e-12
+    assert scenarios.dragged_distance(scenarios.run_fantoccini) < 1e-12
 
 
 @pytest.mark.parametrize("engine", ["Drake, SAP", "Drake, lagged", "Bullet"])
 def test_other_engines_get_our_scene(cube, engine):
-    runs = scenarios.engines()
+    runs = scenarios.installed_engines()
     if engine not in runs:
         pytest.skip(f"without {engine}")
     assert scenarios.stopping_error(runs[engine]) < 2e-3
@@ -58,16 +61,16 @@ def test_other_engines_get_our_scene(cube, engine):
     q = start.q_D.copy()
     q[3:] = np.array([0.8, 0.2, -0.4, 0.4])
     start = start.replace(q_D=q / np.r_[1, 1, 1, np.full(4, np.linalg.norm(q[3:]))], v_D=rate)
-    result, wanted = runs[engine](cube, start, 0.2), scenarios.ours(cube, start, 0.2)
+    result, wanted = runs[engine](cube, start, 0.2), scenarios.run_fantoccini(cube, start, 0.2)
     assert result.q[-1] == pytest.approx(wanted.q[-1], abs=2e-3)
     assert result.v[-1] == pytest.approx(wanted.v[-1], abs=2e-3)
 
 
 def test_engines_without_strings_say_so():
     for name in ("Drake, SAP", "Bullet"):
-        if name in scenarios.engines():
-            with pytest.raises(Unlike, match="without strings"):
-                scenarios.sunk_depth(scenarios.engines()[name])
+        if name in scenarios.installed_engines():
+            with pytest.raises(UnsupportedSceneError, match="without strings"):
+                scenarios.sunk_depth(scenarios.installed_engines()[name])
 
 
 def test_impacts_at_the_ends_of_variational_steps_leave_the_angle_at_first_order():
@@ -83,7 +86,7 @@ def test_impacts_at_the_ends_of_variational_steps_leave_the_angle_at_first_order
 
 
 def test_the_timed_program_makes_our_steps(cube):
-    program = programs.compiled(cube, scenarios.DT)
+    program = programs.compile_scene(cube, scenarios.DT)
     burst = program.run(cube.state(), "step", 1, 200)
     assert burst.points == 4
     assert burst.force == pytest.approx(scenarios.MASS * scenarios.G, rel=1e-9)
@@ -91,7 +94,7 @@ def test_the_timed_program_makes_our_steps(cube):
 
 
 def test_bodies_that_do_not_meet_are_excluded(cube):
-    assert "exclude" not in text_of(cube, cube.state().q_K)
+    assert "exclude" not in scene_mjcf(cube, cube.state().q_K)
 
 
 @pytest.fixture
@@ -107,19 +110,19 @@ def problem(tmp_path):
 
 def test_problems_survive_being_written(problem):
     problem.file.write_text(problem.text(), encoding="utf-8")
-    read = problems.parsed(problem.file)
+    read = problems.read_problem(problem.file)
     assert read.name == "a"
     for name in ("M", "q", "mu"):
         assert np.array_equal(getattr(read, name), getattr(problem, name))
     dense = [3, 3, 0, 9, 9, 9, 9, *problem.M.ravel(), *problem.q, *problem.mu]
     problem.file.write_text(" ".join(map(repr, map(float, dense))).replace(".0 ", " "))
-    assert np.array_equal(problems.parsed(problem.file).M, problem.M)
+    assert np.array_equal(problems.read_problem(problem.file).M, problem.M)
     problem.file.write_text("2 1 0 2 2 2 2 1 0 0 1 0 0 0.5")
-    assert problems.parsed(problem.file) is None
+    assert problems.read_problem(problem.file) is None
 
 
 def test_our_answer_satisfies_the_law_and_another_does_not(problem):
-    answer = problems.ours(problem)
+    answer = problems.solve_with_fantoccini(problem)
     assert answer.residual < 1e-12
     assert problem.residual(np.zeros(9)) > 0.1
 
@@ -155,6 +158,6 @@ def test_problems_in_fclibs_files(tmp_path):
         own["spacedim"], own["vectors/f"], own["vectors/w"] = [3], f, w
         own["vectors/mu"] = [0.4]
     for name in ("local", "global"):
-        parsed = problems.parsed(tmp_path / f"{name}.hdf5")
+        parsed = problems.read_problem(tmp_path / f"{name}.hdf5")
         assert np.allclose(parsed.M, W, atol=1e-13) and np.allclose(parsed.q, q, atol=1e-13)
-        assert parsed.mu == [0.4] and problems.ours(parsed).residual < 1e-10
+        assert parsed.mu == [0.4] and problems.solve_with_fantoccini(parsed).residual < 1e-10

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 import pytest
-from docs.gallery import PAGE, PERFORMANCES, PICTURES, PIECES, ROOT, page, perform
+from docs.gallery import PAGE, PERFORMANCES, PICTURES, PIECES, ROOT, page, perform_piece
 
 import fantoccini as fan
 
@@ -30,7 +30,7 @@ def test_every_bundled_performance_is_shown():
 
 @pytest.mark.parametrize("piece", PIECES, ids=lambda p: p.puppet)
 def test_a_piece_runs_to_its_end(piece):
-    _, run = perform(piece)
+    _, run = perform_piece(piece)
     assert run.status is fan.Status.DONE
     start, stop = piece.part or (0.0, piece.duration)
     assert 0.0 <= start < stop <= piece.duration == pytest.approx(run.duration)

@@ -79,7 +79,7 @@ def test_the_files_of_a_page_are_read_and_run(page, folder):
         elif re.search("^stand:", block, flags=re.MULTILINE):
             (folder / title[1]).write_text(block, encoding="utf-8")
             stand = fan.stand.load_stand(folder / title[1])
-            assert AxisMap.of(stand, fan.load(stand.puppet_path).coordinates).axes
+            assert AxisMap.from_stand(stand, fan.load(stand.puppet_path).coordinates).axes
         elif re.search("^problem:", block, flags=re.MULTILINE):
             (folder / title[1]).write_text(block, encoding="utf-8")
             assert fan.control.solve(fan.control.load_problem(folder / title[1]), seed=0)

@@ -13,8 +13,8 @@ from pathlib import Path
 import pytest
 from docs import architecture
 from docs.site import examples, reference
-from docs.site.docstrings import rewritten
-from docs.site.links import LINK, PAGES, for_site
+from docs.site.docstrings import docstring_markdown
+from docs.site.links import LINK, PAGES, rewrite_links
 from ruamel.yaml import YAML
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -67,10 +67,10 @@ def test_a_page_opens_with_a_title_and_a_sentence(page):
 
 def test_links_are_rewritten_for_the_site():
     text = "[a](docs/live.md#replay) [b](LICENSE) [c](examples/1.py) ![d](docs/pictures/e.png)"
-    assert for_site(text, "README.md") == (
+    assert rewrite_links(text, "README.md") == (
         "[a](live.md#replay) b [c](examples/1.md) ![d](pictures/e.png)"
     )
-    assert for_site("[a](../README.md) [b](#x)", "docs/live.md") == "[a](index.md) [b](#x)"
+    assert rewrite_links("[a](../README.md) [b](#x)", "docs/live.md") == "[a](index.md) [b](#x)"
 
 
 def test_the_reference_has_every_public_name_by_a_path_that_imports():
@@ -95,7 +95,7 @@ def test_the_reference_has_the_names_that_the_guide_uses(page):
 
 def test_a_docstring_becomes_markdown():
     text = "As :func:`simulate`::\n\n    code\n\nArgs:\n    a, b: two.\n\nRaises:\n    A, B: no."
-    assert rewritten(text) == (
+    assert docstring_markdown(text) == (
         "As `simulate`:\n\n    code\n\nArgs:\n    a: see `b`.\n    b: two.\n\n"
         "Raises:\n    A, B: no."
     )
@@ -123,8 +123,8 @@ def test_the_files_that_a_task_touches_exist(task):
 
 @pytest.mark.parametrize(
     "places",
-    [*architecture.WALKS.values(), [entry[1:4] for entry in architecture.APART]],
-    ids=[*architecture.WALKS, "equilibria"],
+    [*architecture.CODE_PATHS.values(), [entry[1:4] for entry in architecture.SEPARATE_SOLVERS]],
+    ids=[*architecture.CODE_PATHS, "equilibria"],
 )
 def test_files_of_the_architecture_define_what_it_names(places):
     for file, name, _ in places:

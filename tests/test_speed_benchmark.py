@@ -47,7 +47,7 @@ def test_the_peers_puppet_is_ours():
     still = Model.of(subject.still_air())
     peer = MuJoCo.start(sys.executable)
     try:
-        peer.load(peers.text(strung=False))
+        peer.load(peers.peers_mjcf(strung=False))
         for seed in range(3):
             state = still.random(seed, moving_inputs=False)
             x = State(state.q_D, state.v_D, np.array(still.table.start_K), state.v_K, state.acc_K)
@@ -61,9 +61,9 @@ def test_the_cheapest_run_that_is_exact_enough_is_chosen():
     run = accuracy.Run
     slow, fast = run("RK4", 5.0, 1e-6, 9.0, 1e-7), run("Euler", 5.0, 1e-6, 3.0, 9e-7)
     poor = run("Euler", 1.0, 1e-3, 1.0, 1e-3)
-    assert accuracy.chosen([slow, fast, poor]) is fast
-    assert accuracy.chosen([poor, run("RK4", 1.0, 1e-3, 0.1, 1e-2)]) is poor
+    assert accuracy.best_run([slow, fast, poor]) is fast
+    assert accuracy.best_run([poor, run("RK4", 1.0, 1e-3, 0.1, 1e-2)]) is poor
 
 
 def test_fresh_programs_print_their_seconds():
-    assert pipeline.fresh("print(0.25)", 2).values == (0.25, 0.25)
+    assert pipeline.run_fresh("print(0.25)", 2).values == (0.25, 0.25)

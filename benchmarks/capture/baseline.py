@@ -46,7 +46,7 @@ DELAYS = np.arange(0.0, 1.2, 0.02)
 LABELS = ("kinematics", "+ nominal", "+ identified", "+ lag", "hanging", "follow_clip")
 
 
-def measured(
+def measure_run(
     clip: RetargetedClip, t: Times, inputs: fan.Input, start: fan.State, late: bool = False
 ) -> tuple[tuple[PartError, ...], str]:
     """Errors of an event-driven run, and a remark."""
@@ -61,7 +61,7 @@ def measured(
     return group_errors(clip, scored[best]), remark
 
 
-def hanging(clip: RetargetedClip) -> fan.Input:
+def hanging_hands(clip: RetargetedClip) -> fan.Input:
     """The hands of the nearest hanging poses, smoothed as the inputs of follow_clip."""
     t = eased_times(clip.t)
     times = np.arange(0.0, t[-1], 0.01)
@@ -109,13 +109,13 @@ def main() -> None:
             clip = retarget_clip(puppet, fan.theatre.load_bvh(path))
             for label, (feed_forward, lag) in variants.items():
                 motion = kinematic_inputs(clip, feed_forward, lag=lag)
-                report, remark = measured(clip, motion.t, motion.inputs, motion.start, lag > 0.0)
+                report, remark = measure_run(clip, motion.t, motion.inputs, motion.start, lag > 0.0)
                 width = max(motion.widths.values())
                 show(path.stem, label, report, f"width {width:.3f} s {remark}")
-            inputs = hanging(clip)
+            inputs = hanging_hands(clip)
             q_K, _, _ = inputs.evaluate(clip.start.t)
             start = puppet.rest(clip.start.replace(q_K=q_K))
-            show(path.stem, "hanging", *measured(clip, eased_times(clip.t), inputs, start))
+            show(path.stem, "hanging", *measure_run(clip, eased_times(clip.t), inputs, start))
             followed = follow_clip(puppet, clip)
             show(path.stem, "follow_clip", followed.report, "" if followed else "STOPPED")
     for label in LABELS:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from benchmarks.capture.motions import MOTIONS, SIDES, Pose, point, segments
+from benchmarks.capture.motions import MOTIONS, SIDES, Pose, joint_position, part_rotations
 from scipy.spatial.transform import Rotation
 
 from fantoccini.base.arrays import Array
@@ -136,10 +136,10 @@ def _joints(table: str, prefix: str = "") -> list[Joint]:
         Joint(
             prefix + name,
             parent and prefix + parent,
-            point(place, side),
+            joint_position(place, side),
             part,
             np.eye(3),
-            point(end, side) if end else None,
+            joint_position(end, side) if end else None,
         )
         for name, parent, place, part, end, side in _rows(table)
     ]
@@ -202,7 +202,7 @@ def clip(name: str, convention: str) -> str:
     t = np.arange(round(duration * kind.rate) + 1) / kind.rate
     pose = Pose(t)
     motion(t, pose)
-    parts, hips = segments(pose), pose.hips
+    parts, hips = part_rotations(pose), pose.hips
     if kind.t_pose:
         parts = {part: np.concatenate([[np.eye(3)], turn]) for part, turn in parts.items()}
         hips = np.concatenate([hips[:1], hips])

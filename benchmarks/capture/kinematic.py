@@ -125,7 +125,7 @@ def kinematic_inputs(
         np.minimum(at, t[-1])
     )
     for _ in range(3 if lag else 0):
-        wanted = _lagging(wanted, frame / lag)
+        wanted = _with_lag(wanted, frame / lag)
     q_D = poses_near(retargeted, wanted)
     poses = marionette.poses(q_D, np.broadcast_to(start.q_K, (len(q_D), len(start.q_K))))
     positions = part_positions(figure, poses)
@@ -146,7 +146,7 @@ def kinematic_inputs(
         path = CubicSpline(at, np.stack([above[name] for name in names], axis=1))
         values = path(np.minimum(times, at[-1]))
         ahead = _leader(string, feed_forward, marionette) if string.name in hands else None
-        smooth_path, widths[string.name] = _bounded(values, ahead, times, speed, acceleration)
+        smooth_path, widths[string.name] = _bounded_paths(values, ahead, times, speed, acceleration)
         columns.update(zip(names, smooth_path.T, strict=True))
     inputs = Input.samples(marionette, start.t + times, columns).called(retargeted.clip.name)
     return KinematicMotion(retargeted, at, q_D, errors, inputs, widths, t)
@@ -174,7 +174,7 @@ def _leader(
     return ahead
 
 
-def _lagging(values: Array, h: float) -> Array:
+def _with_lag(values: Array, h: float) -> Array:
     """(T, ...) behind a lag 1/(T s + 1), with a time step of h T."""
     filtered, decay = values.copy(), np.exp(-h)
     for i in range(1, len(filtered)):
@@ -182,7 +182,7 @@ def _lagging(values: Array, h: float) -> Array:
     return filtered
 
 
-def _bounded(
+def _bounded_paths(
     values: Array,
     ahead: Callable[[Array], Array] | None,
     times: Times,

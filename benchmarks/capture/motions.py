@@ -18,7 +18,7 @@ from fantoccini.base import polynomial
 from fantoccini.base.arrays import Array
 
 SIDES = ("Left", "Right")
-OUT = np.array([1.0, -1.0])
+OUTWARD_SIGNS = np.array([1.0, -1.0])
 """Outward direction along x, by side."""
 
 POINTS = {
@@ -47,17 +47,17 @@ STANDING = 0.925
 """Height of the hips of a standing person [m]."""
 
 
-def point(name: str, side: int = 0) -> Array:
+def joint_position(name: str, side: int = 0) -> Array:
     """(3,) place of a joint in the T pose; side 1 is the right one."""
-    return np.array(POINTS[name]) * (OUT[side], 1.0, 1.0)
+    return np.array(POINTS[name]) * (OUTWARD_SIGNS[side], 1.0, 1.0)
 
 
-def length(a: str, b: str) -> float:
+def joint_distance(a: str, b: str) -> float:
     """Distance of two joints [m]."""
-    return float(np.linalg.norm(point(a) - point(b)))
+    return float(np.linalg.norm(joint_position(a) - joint_position(b)))
 
 
-ARM = length("shoulder", "elbow") + length("elbow", "wrist")
+ARM = joint_distance("shoulder", "elbow") + joint_distance("elbow", "wrist")
 
 
 class Pose:
@@ -80,7 +80,9 @@ class Pose:
         self.pelvis, self.spine, self.head = (np.zeros((frames, 3)) for _ in range(3))
         self.wrists = np.stack([arm(np.full(frames, 4.0), 9.0, 0.975, side) for side in (0, 1)])
         self.elbows = np.array([[0.3, -0.6, -0.7], [-0.3, -0.6, -0.7]])
-        self.balls = np.stack([np.tile(point("ball", side), (frames, 1)) for side in (0, 1)])
+        self.balls = np.stack(
+            [np.tile(joint_position("ball", side), (frames, 1)) for side in (0, 1)]
+        )
         self.heels = np.zeros((2, frames))
         self.knees = np.array([[0.1, 0.0, 1.0], [-0.1, 0.0, 1.0]])
 
@@ -96,22 +98,26 @@ def arm(forward: Array | float, out: Array | float, reach: Array | float, side: 
     """
     forward, out, reach = np.broadcast_arrays(np.radians(forward), np.radians(out), reach)
     return (ARM * reach)[:, None] * np.stack(
-        [OUT[side] * np.sin(out), -np.cos(out) * np.cos(forward), np.cos(out) * np.sin(forward)],
+        [
+            OUTWARD_SIGNS[side] * np.sin(out),
+            -np.cos(out) * np.cos(forward),
+            np.cos(out) * np.sin(forward),
+        ],
         axis=-1,
     )
 
 
-def smooth(u: Array | float) -> Array:
+def smooth_step(u: Array | float) -> Array:
     """A step from 0 at u = 0 to 1 at u = 1, with two vanishing derivatives at both."""
     return polynomial.minimum_jerk(np.clip(u, 0.0, 1.0))[0]
 
 
-def between(t: Array, start: float, stop: float, ramp: float) -> Array:
+def pulse(t: Array, start: float, stop: float, ramp: float) -> Array:
     """1 from start to stop, 0 before and after, with ramps inside [s]."""
-    return smooth((t - start) / ramp) * smooth((stop - t) / ramp)
+    return smooth_step((t - start) / ramp) * smooth_step((stop - t) / ramp)
 
 
-def moved(place: Array, other: Array, part: Array) -> Array:
+def interpolated(place: Array, other: Array, part: Array) -> Array:
     """Interpolation from one path to another."""
     return place + part[..., None] * (other - place)
 
@@ -121,10 +127,10 @@ def moved(place: Array, other: Array, part: Array) -> Array:
 
 def wave(t: Array, pose: Pose) -> None:
     """The right hand is lifted and waves at 1.75 Hz."""
-    up, swing = between(t, 0.4, 5.6, 0.9), between(t, 1.2, 4.8, 0.5)
+    up, swing = pulse(t, 0.4, 5.6, 0.9), pulse(t, 1.2, 4.8, 0.5)
     waving = 0.13 * swing * np.sin(2.0 * np.pi * 1.75 * t)
     high = np.stack([-0.27 - waving, 0.30 - 2.0 * waving**2, np.full_like(t, 0.12)], axis=-1)
-    pose.wrists[1] = moved(pose.wrists[1], high, up)
+    pose.wrists[1] = interpolated(pose.wrists[1], high, up)
     pose.wrists[1, :, 2] += 0.9 * up * (1.0 - up)  # in front of the body, not through it
     pose.elbows[1] = (-0.6, -1.0, -0.5)
     pose.spine[:, 1] = 3.0 * up
@@ -134,16 +140,18 @@ def wave(t: Array, pose: Pose) -> None:
 
 def bow(t: Array, pose: Pose) -> None:
     """The trunk bends by 60 degrees, stays and comes up."""
-    down = between(t, 0.5, 5.5, 1.7)
+    down = pulse(t, 0.5, 5.5, 1.7)
     pose.pelvis[:, 0], pose.spine[:, 0], pose.head[:, 0] = 33.0 * down, 27.0 * down, 12.0 * down
     pose.hips += down[:, None] * (0.0, -0.02, -0.10)
     for side in (0, 1):
-        pose.wrists[side] = moved(pose.wrists[side], arm(14.0 + 0.0 * t, 6.0, 0.96, side), down)
+        pose.wrists[side] = interpolated(
+            pose.wrists[side], arm(14.0 + 0.0 * t, 6.0, 0.96, side), down
+        )
 
 
 def curtsey(t: Array, pose: Pose) -> None:
     """The right foot goes behind the left one, the knees bend and the hands spread a skirt."""
-    step, down = between(t, 0.5, 6.5, 1.2), between(t, 1.5, 5.5, 1.5)
+    step, down = pulse(t, 0.5, 6.5, 1.2), pulse(t, 1.5, 5.5, 1.5)
     pose.balls[1] += step[:, None] * (0.15, 0.0, -0.27)
     pose.balls[1, :, 1] += 0.16 * step * (1.0 - step)
     pose.heels[1] = 38.0 * step
@@ -162,7 +170,7 @@ class Steps(NamedTuple):
     way: Array
 
 
-def stepped(
+def set_gait(
     t: Array,
     pose: Pose,
     cadence: float,
@@ -191,9 +199,9 @@ def stepped(
     phase = cadence * (t - 0.6)
     last = phase[-1] - 0.6 * cadence
     grid = np.linspace(min(phase[0], -2.0) - 2.0, phase[-1] + 2.0, 4000)
-    rate = stride * between(grid, 0.0, last, 1.5)
+    rate = stride * pulse(grid, 0.0, last, 1.5)
     way = np.concatenate([[0.0], np.cumsum((rate[1:] + rate[:-1]) / 2.0 * np.diff(grid))])
-    share, gone = between(phase, 0.0, last, 1.0), np.interp(phase, grid, way)
+    share, gone = pulse(phase, 0.0, last, 1.0), np.interp(phase, grid, way)
     for side, offset in enumerate((0.25, 0.75)):
         cycle = phase + offset + front
         count = np.floor(cycle)
@@ -203,13 +211,13 @@ def stepped(
         hop = share * np.sin(np.pi * u) ** 2
         pose.balls[side, :, 2] += here + (there - here) * u**2 * (3.0 - 2.0 * u) + knee * hop
         pose.balls[side, :, 1] += lift[side] * hop
-        leaving = smooth((down - duty + 0.3) / 0.4) * (1.0 - smooth((u - 0.15) / 0.7))
+        leaving = smooth_step((down - duty + 0.3) / 0.4) * (1.0 - smooth_step((u - 0.15) / 0.7))
         pose.heels[side] = push * share * leaving + hang * hop
     pose.hips[:, 2] += gone
     return Steps(phase, share, gone)
 
 
-def swung(pose: Pose, steps: Steps, middle: float, swing: float, reach: float) -> None:
+def set_arm_swing(pose: Pose, steps: Steps, middle: float, swing: float, reach: float) -> None:
     """Sets arms that swing opposite to the legs [deg]."""
     for side, sign in enumerate((1.0, -1.0)):
         turn = sign * np.cos(2.0 * np.pi * steps.phase)
@@ -220,30 +228,30 @@ def swung(pose: Pose, steps: Steps, middle: float, swing: float, reach: float) -
 
 def walk(t: Array, pose: Pose) -> None:
     """A walk of 1.2 m/s at 120 steps a minute."""
-    steps = stepped(t, pose, 1.0, 1.2, (0.07, 0.07), 52.0)
+    steps = set_gait(t, pose, 1.0, 1.2, (0.07, 0.07), 52.0)
     angle, share = 2.0 * np.pi * steps.phase, steps.share
     pose.hips[:, 1] -= share * (0.04 + 0.018 * np.cos(2.0 * angle))
     pose.hips[:, 0] -= share * 0.02 * np.sin(angle)
     pose.pelvis[:, 2], pose.spine[:, 2] = 6.0 * share * np.cos(angle), -11.0 * share * np.cos(angle)
     pose.pelvis[:, 1], pose.spine[:, 0] = 2.0 * share * np.sin(angle), 3.0 * share
-    swung(pose, steps, 2.0, 21.0, 0.965)
+    set_arm_swing(pose, steps, 2.0, 21.0, 0.965)
 
 
 def march(t: Array, pose: Pose) -> None:
     """Marching on the spot at 100 steps a minute, with high knees."""
-    steps = stepped(
+    steps = set_gait(
         t, pose, 100.0 / 120.0, 0.0, (0.27, 0.27), 15.0, knee=0.10, hang=28.0, duty=0.52
     )
     angle = 2.0 * np.pi * steps.phase
     pose.hips[:, 1] += steps.share * (-0.008 + 0.008 * np.cos(2.0 * angle))
     pose.hips[:, 0] -= steps.share * 0.025 * np.sin(angle)
     pose.spine[:, 2] = -5.0 * steps.share * np.cos(angle)
-    swung(pose, steps, 10.0, 32.0, 0.95)
+    set_arm_swing(pose, steps, 10.0, 32.0, 0.95)
 
 
 def zombie(t: Array, pose: Pose) -> None:
     """A lurching walk with both arms stretched forward; the right leg drags."""
-    steps = stepped(t, pose, 0.6, 0.62, (0.07, 0.02), 22.0, duty=0.68)
+    steps = set_gait(t, pose, 0.6, 0.62, (0.07, 0.02), 22.0, duty=0.68)
     angle, share = 2.0 * np.pi * steps.phase, steps.share
     pose.hips[:, 1] -= share * (0.04 - 0.02 * np.sin(angle))
     pose.hips[:, 2] += share * 0.03 * np.sin(2.0 * angle)
@@ -261,12 +269,14 @@ def zombie(t: Array, pose: Pose) -> None:
 
 def dance(t: Array, pose: Pose) -> None:
     """The hips sway from side to side while the arms wave low, then high."""
-    share, high = between(t, 0.5, 8.5, 1.2), smooth((t - 3.8) / 1.4)
+    share, high = pulse(t, 0.5, 8.5, 1.2), smooth_step((t - 3.8) / 1.4)
     angle = 2.0 * np.pi * 0.8 * (t - 0.5)
     side_to_side = share * np.sin(angle)
-    pose.balls[..., 0] += OUT[:, None] * 0.07 * smooth((t - 0.2) / 1.0) * smooth((8.8 - t) / 1.0)
+    pose.balls[..., 0] += (
+        OUTWARD_SIGNS[:, None] * 0.07 * smooth_step((t - 0.2) / 1.0) * smooth_step((8.8 - t) / 1.0)
+    )
     for side in (0, 1):
-        free = share * np.clip(-OUT[side] * np.sin(angle), 0.0, None) ** 3
+        free = share * np.clip(-OUTWARD_SIGNS[side] * np.sin(angle), 0.0, None) ** 3
         pose.heels[side] = 26.0 * free
     pose.hips[:, 0] += 0.085 * side_to_side
     pose.hips[:, 1] -= share * (0.045 - 0.02 * np.cos(2.0 * angle))
@@ -274,16 +284,16 @@ def dance(t: Array, pose: Pose) -> None:
     pose.spine[:, 1], pose.spine[:, 2] = -12.0 * side_to_side, -14.0 * share * np.cos(angle)
     pose.head[:, 1] = 7.0 * side_to_side
     for side in (0, 1):
-        wave_ = np.sin(angle + 0.9 * OUT[side])
+        wave_ = np.sin(angle + 0.9 * OUTWARD_SIGNS[side])
         out = 9.0 + share * (51.0 + 85.0 * high + (20.0 - 8.0 * high) * wave_)
-        forward = 4.0 + share * (24.0 + 12.0 * np.cos(angle) * OUT[side])
+        forward = 4.0 + share * (24.0 + 12.0 * np.cos(angle) * OUTWARD_SIGNS[side])
         bent = 0.975 - share * (0.09 - 0.05 * wave_)
         pose.wrists[side] = arm(forward * np.cos(np.radians(out)), out, bent, side)
 
 
 def jumping_jack(t: Array, pose: Pose) -> None:
     """Jumping jacks at 60 per minute, each of two jumps of 10 cm."""
-    share = between(t, 0.5, 7.5, 1.0)
+    share = pulse(t, 0.5, 7.5, 1.0)
     height, flight, hop = 0.10, 2.0 * np.sqrt(2.0 * 0.10 / 9.81), 0.5
     when = t - 0.5
     count = np.floor(when / hop)
@@ -293,9 +303,9 @@ def jumping_jack(t: Array, pose: Pose) -> None:
     air = np.clip((u - contact) / flight, 0.0, 1.0)
     above = share * 4.0 * height * air * (1.0 - air)
     below = share * dip * np.sin(np.pi * np.clip(u / contact, 0.0, 1.0))
-    apart = share * np.where(count % 2 == 0, smooth(air), 1.0 - smooth(air))
+    apart = share * np.where(count % 2 == 0, smooth_step(air), 1.0 - smooth_step(air))
     pose.hips[:, 1] += above - below - share * 0.03
-    pose.balls[..., 0] += OUT[:, None] * 0.19 * apart
+    pose.balls[..., 0] += OUTWARD_SIGNS[:, None] * 0.19 * apart
     pose.balls[..., 1] += 0.9 * above
     pose.heels[:] = 32.0 * share * np.sin(np.pi * air) ** 2
     pose.spine[:, 0] = 300.0 * below**2
@@ -307,19 +317,19 @@ def jumping_jack(t: Array, pose: Pose) -> None:
 
 def sit(t: Array, pose: Pose) -> None:
     """Sits down on an imaginary chair, and gets up."""
-    down, lean = between(t, 0.5, 7.5, 2.0), between(t, 0.4, 2.7, 1.1) + between(t, 5.3, 7.6, 1.1)
+    down, lean = pulse(t, 0.5, 7.5, 2.0), pulse(t, 0.4, 2.7, 1.1) + pulse(t, 5.3, 7.6, 1.1)
     pose.hips += down[:, None] * (0.0, -0.42, 0.0)
     pose.hips[:, 2] -= 0.40 * np.sin(np.pi / 2.0 * down)
     pose.pelvis[:, 0] = 22.0 * lean - 4.0 * down
     pose.spine[:, 0], pose.head[:, 0] = 16.0 * lean, -12.0 * lean
     for side in (0, 1):
         lap = arm(40.0 + 22.0 * lean, 4.0, 0.88, side)
-        pose.wrists[side] = moved(pose.wrists[side], lap, down)
+        pose.wrists[side] = interpolated(pose.wrists[side], lap, down)
 
 
 def conduct(t: Array, pose: Pose) -> None:
     """Both arms beat four in a bar at 90 beats a minute, as mirror images."""
-    share = between(t, 0.4, 8.6, 1.1)
+    share = pulse(t, 0.4, 8.6, 1.1)
     # Wrists from the shoulders, at the beats and half-way between: down, in, out, up.
     beats = np.array(
         [
@@ -337,10 +347,12 @@ def conduct(t: Array, pose: Pose) -> None:
     pattern = CubicSpline(np.arange(9.0), beats, bc_type="periodic")
     path = pattern(np.mod((t - 0.6) * 3.0, 8.0))  # two knots a beat, 1.5 beats a second
     for side in (0, 1):
-        pose.wrists[side] = moved(pose.wrists[side], path * (OUT[side], 1.0, 1.0), share)
-    pose.elbows[:] = OUT[:, None] * (0.6, 0.0, 0.0) + (0.0, -0.9, -0.35)
-    pulse = share * np.cos(2.0 * np.pi * 1.5 * (t - 0.6))
-    pose.head[:, 0], pose.hips[:, 1] = 4.0 * pulse, pose.hips[:, 1] - 0.006 * share + 0.004 * pulse
+        pose.wrists[side] = interpolated(
+            pose.wrists[side], path * (OUTWARD_SIGNS[side], 1.0, 1.0), share
+        )
+    pose.elbows[:] = OUTWARD_SIGNS[:, None] * (0.6, 0.0, 0.0) + (0.0, -0.9, -0.35)
+    beat = share * np.cos(2.0 * np.pi * 1.5 * (t - 0.6))
+    pose.head[:, 0], pose.hips[:, 1] = 4.0 * beat, pose.hips[:, 1] - 0.006 * share + 0.004 * beat
     pose.spine[:, 0], pose.spine[:, 2] = 2.0 * share, 3.0 * share * np.sin(2.0 * np.pi * 0.375 * t)
 
 
@@ -359,12 +371,14 @@ MOTIONS: dict[str, tuple[float, Callable[[Array, Pose], None]]] = {
 """Durations [s] and motions, by name of the clip."""
 
 
-def turned(angles: Array) -> Array:
+def rotations_from_angles(angles: Array) -> Array:
     """(T, 3, 3) rotations by turns forward, to the side and about the vertical [deg]."""
     return Rotation.from_euler("YZX", angles[:, ::-1] * (1, -1, 1), degrees=True).as_matrix()
 
 
-def bent(target: Array, pole: Array, upper: float, lower: float) -> tuple[Array, Array, Array]:
+def limb_directions(
+    target: Array, pole: Array, upper: float, lower: float
+) -> tuple[Array, Array, Array]:
     """(T, 3) directions of the two parts of a limb that ends at target, and its hinge's axis.
 
     Args:
@@ -383,42 +397,47 @@ def bent(target: Array, pole: Array, upper: float, lower: float) -> tuple[Array,
     return middle / upper, (distance * along - middle) / lower, np.cross(side, along)
 
 
-def laid(rest: Array, rest_axis: Array, now: Array, axis: Array) -> Array:
+def aligning_rotations(rest: Array, rest_axis: Array, now: Array, axis: Array) -> Array:
     """(T, 3, 3) rotations that map a direction and a hinge's axis to others."""
     before = np.stack([rest, rest_axis, np.cross(rest, rest_axis)], axis=-1)
     after = np.stack([now, axis, np.cross(now, axis)], axis=-1)
     return after @ before.T
 
 
-def segments(pose: Pose) -> dict[str, Array]:
+def part_rotations(pose: Pose) -> dict[str, Array]:
     """(T, 3, 3) rotations of the body's parts from the T pose, by name."""
-    hips = turned(pose.pelvis)
+    hips = rotations_from_angles(pose.pelvis)
     parts = {"hips": hips}
     for k, name in enumerate(("spine", "spine1", "chest"), 1):
-        parts[name] = hips @ turned(pose.spine * k / 3.0)
-    parts["neck"] = parts["chest"] @ turned(pose.head / 2.0)
-    parts["head"] = parts["chest"] @ turned(pose.head)
+        parts[name] = hips @ rotations_from_angles(pose.spine * k / 3.0)
+    parts["neck"] = parts["chest"] @ rotations_from_angles(pose.head / 2.0)
+    parts["head"] = parts["chest"] @ rotations_from_angles(pose.head)
     down = np.array([0.0, -1.0, 0.0])
     for side, name in enumerate(SIDES):
-        straight = np.array([OUT[side], 0.0, 0.0])
+        straight = np.array([OUTWARD_SIGNS[side], 0.0, 0.0])
         hinge = np.cross([0.0, 0.0, -1.0], straight)
-        upper, lower, axis = bent(
+        upper, lower, axis = limb_directions(
             pose.wrists[side],
             pose.elbows[side],
-            length("shoulder", "elbow"),
-            length("elbow", "wrist"),
+            joint_distance("shoulder", "elbow"),
+            joint_distance("elbow", "wrist"),
         )
-        parts[f"arm{name}"] = laid(straight, hinge, upper, axis)
-        parts[f"forearm{name}"] = laid(straight, hinge, lower, axis)
-        foot = turned(np.stack([pose.heels[side], *[0.0 * pose.heels[side]] * 2], axis=-1))
-        ankle = pose.balls[side] + foot @ (point("ankle") - point("ball"))
-        root = pose.hips + hips @ (point("hip", side) - point("hips"))
-        upper, lower, axis = bent(
-            ankle - root, hips @ pose.knees[side], length("hip", "knee"), length("knee", "ankle")
+        parts[f"arm{name}"] = aligning_rotations(straight, hinge, upper, axis)
+        parts[f"forearm{name}"] = aligning_rotations(straight, hinge, lower, axis)
+        foot = rotations_from_angles(
+            np.stack([pose.heels[side], *[0.0 * pose.heels[side]] * 2], axis=-1)
+        )
+        ankle = pose.balls[side] + foot @ (joint_position("ankle") - joint_position("ball"))
+        root = pose.hips + hips @ (joint_position("hip", side) - joint_position("hips"))
+        upper, lower, axis = limb_directions(
+            ankle - root,
+            hips @ pose.knees[side],
+            joint_distance("hip", "knee"),
+            joint_distance("knee", "ankle"),
         )
         hinge = np.array([1.0, 0.0, 0.0])
-        parts[f"thigh{name}"] = laid(down, hinge, upper, axis)
-        parts[f"shin{name}"] = laid(down, hinge, lower, axis)
+        parts[f"thigh{name}"] = aligning_rotations(down, hinge, upper, axis)
+        parts[f"shin{name}"] = aligning_rotations(down, hinge, lower, axis)
         parts[f"foot{name}"] = foot
     parts["toes"] = np.broadcast_to(np.eye(3), hips.shape)  # they stay level
     return parts

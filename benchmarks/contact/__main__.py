@@ -8,7 +8,7 @@ import time
 from pathlib import Path
 
 from ..speed.figures import Chapter, goals_table
-from ..speed.programs import compiled, lane_source
+from ..speed.programs import compile_program, lane_source
 from ..strings import ROOT
 from . import alone, batches, methods, problems, scenarios, steps
 from .page import page
@@ -29,7 +29,7 @@ def main() -> None:
         print(f"{name}: after {time.perf_counter() - began:.0f} s", flush=True)
         return chapters
 
-    pairs = steps.pairs(turns, 500)
+    pairs = steps.compiled_pairs(turns, 500)
     chapters = reported("steps", steps.chapters(pairs, turns, 500 if quick else 2000))
     n_batch_turns = max(2, turns // 3)
     chapters += reported("batches", [batches.chapter(pairs, n_batch_turns, 64 if quick else 512)])
@@ -37,8 +37,8 @@ def main() -> None:
         tempfile.TemporaryDirectory() as scalar_folder,
         tempfile.TemporaryDirectory() as lanes_folder,
     ):
-        scalar = compiled("scalar", Path(scalar_folder))
-        lanes = compiled("lanes", Path(lanes_folder), lane_source())
+        scalar = compile_program("scalar", Path(scalar_folder))
+        lanes = compile_program("lanes", Path(lanes_folder), lane_source())
         chapters += reported("alone", [alone.chapter(scalar, lanes, turns)])
     chapters += reported("scenarios", [scenarios.chapter()])
     chapters += reported("methods", [methods.chapter()])

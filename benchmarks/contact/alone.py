@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from ..speed.bounds import CALLS
-from ..speed.figures import Chapter, Goal, in_turns, spread, times
-from ..speed.programs import Program, words
-from ..speed.subject import swinging
+from ..speed.figures import Chapter, Goal, in_turns, ratio_text, spread_text
+from ..speed.programs import Program, program_input
+from ..speed.subject import swinging_state
 from ..strings.report import Section, Table
 
 MAX_RATIO = 1.7
@@ -16,7 +16,7 @@ WHO = {"scalar": "a time step", "lanes": "a time step of a lane"}
 
 def chapter(scalar: Program, lanes: Program, turns: int) -> Chapter:
     """Steps over equations, scalar and in lanes."""
-    programs, start_words = {"scalar": scalar, "lanes": lanes}, words([swinging()])
+    programs, start_words = {"scalar": scalar, "lanes": lanes}, program_input([swinging_state()])
     actions = {
         (who, work): lambda who=who, work=work: (
             programs[who].run(start_words, work, 1, CALLS).seconds[0]
@@ -29,8 +29,11 @@ def chapter(scalar: Program, lanes: Program, turns: int) -> Chapter:
     rows, ratio_rows, goals = [], [], []
     for who, name in WHO.items():
         whole, alone = taken[f"{who} step"], taken[f"{who} step_dynamics"]
-        rows += [[name, *spread(whole)], ["of it, the generated equations alone", *spread(alone)]]
-        ratio_rows.append([f"{name} / its equations", *spread(whole.over(alone), times)])
+        rows += [
+            [name, *spread_text(whole)],
+            ["of it, the generated equations alone", *spread_text(alone)],
+        ]
+        ratio_rows.append([f"{name} / its equations", *spread_text(whole.over(alone), ratio_text)])
         what = f"equations alone / {name} without contact (target: 1/{MAX_RATIO:g})"
         goals.append(Goal(what, alone.over(whole), 1.0 / MAX_RATIO))
     text = (

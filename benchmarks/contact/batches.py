@@ -8,7 +8,7 @@ from collections.abc import Callable
 import fantoccini as fan
 from fantoccini.motion import Input
 
-from ..speed.figures import Chapter, Goal, in_turns, shown, spread, times
+from ..speed.figures import Chapter, Goal, in_turns, ratio_text, spread_text, time_text
 from ..strings.report import Section, Table
 from .steps import Pair
 from .subject import DT, Subject
@@ -34,17 +34,18 @@ def chapter(pairs: list[Pair], turns: int, trajectories: int) -> Chapter:
         taken = in_turns(actions, turns)
         ratio = taken["ours"].over(taken["theirs"])
         for who, name in (("ours", "fantoccini, batch"), ("theirs", "MuJoCo, rollout")):
-            rows.append([f"{name}, {subject.name}", *spread(taken[who], lambda x: f"{x:.0f}")])
+            rows.append([f"{name}, {subject.name}", *spread_text(taken[who], lambda x: f"{x:.0f}")])
         goals.append(Goal(f"trajectories a second, ours / rollout, {subject.name}", ratio, FASTER))
     text = (
-        f"Trajectories of {STEPS} steps of {shown(DT)}, {trajectories} of one marionette and half "
+        f"Trajectories of {STEPS} steps of {time_text(DT)}, {trajectories} of one marionette and "
+        "half "
         f"as many of two, each with different small velocities, on {THREADS} threads, in turn, "
         f"{turns} times, in wall-clock time. Ours: one call of `fan.simulate_batch` in Python; "
         "MuJoCo: `mujoco.rollout` with the fastest setting and a pool of threads. Lanes share "
         "the evaluation of the equations, and standing lanes also the solution of the law; lanes "
         "in which feet slide or other parts touch make their steps alone."
     )
-    ratios = [[goal.what, *spread(goal.measured, times)] for goal in goals]
+    ratios = [[goal.what, *spread_text(goal.measured, ratio_text)] for goal in goals]
     table = Table(["trajectories a second", "median", "min", "max"], rows)
     ratio_table = Table(["ratio", "median", "min", "max"], ratios)
     return Chapter(Section("3. Many trajectories", [text, table, ratio_table]), goals)

@@ -11,7 +11,7 @@ from fantoccini.dynamics.marionette import Marionette
 from fantoccini.model.puppet import Box
 
 
-class Unlike(Exception):
+class UnsupportedSceneError(Exception):
     """An engine cannot represent a scene, or lacks the measured quantity."""
 
 
@@ -34,7 +34,7 @@ class Boxes:
     gravity: Array
 
 
-def boxes_of(marionette: Marionette) -> Boxes:
+def free_boxes(marionette: Marionette) -> Boxes:
     """The boxes of a puppet of free boxes over a floor.
 
     Raises:
@@ -43,12 +43,12 @@ def boxes_of(marionette: Marionette) -> Boxes:
     puppet = marionette.puppet
     rules = puppet.touching
     if rules is None or puppet.floor is None or puppet.strings:
-        raise Unlike("only boxes over a floor, without strings")
+        raise UnsupportedSceneError("only boxes over a floor, without strings")
     boxes = []
     for body in puppet.bodies:
         (box,) = body.shapes
         if not isinstance(box, Box) or np.any(box.at):
-            raise Unlike(f"{body.name} is not one box about its origin")
+            raise UnsupportedSceneError(f"{body.name} is not one box about its origin")
         boxes.append(FreeBox(body.name, np.array(box.size, dtype=float), float(box.mass)))
     gravity = np.array(puppet.gravity, dtype=float)
     return Boxes(tuple(boxes), float(puppet.floor), float(rules.friction), gravity)

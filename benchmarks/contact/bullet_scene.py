@@ -11,10 +11,10 @@ from fantoccini.base.arrays import Array
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import State
 
-from .boxes import boxes_of
+from .boxes import free_boxes
 
 
-def is_there() -> bool:
+def is_installed() -> bool:
     """Whether Bullet is installed."""
     return importlib.util.find_spec("pybullet") is not None
 
@@ -34,7 +34,7 @@ class BulletScene:
         import pybullet
         from pybullet_utils.bullet_client import BulletClient
 
-        scene = boxes_of(marionette)
+        scene = free_boxes(marionette)
         self.client = BulletClient(connection_mode=pybullet.DIRECT)
         self.client.setGravity(*scene.gravity)
         self.client.setPhysicsEngineParameter(fixedTimeStep=dt, numSubSteps=0)

@@ -13,7 +13,7 @@ from fantoccini.base.arrays import Array
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import State
 
-from .boxes import boxes_of
+from .boxes import free_boxes
 
 MODULUS = 1e9
 """Hydroelastic modulus of every box [Pa]: ten times that of hard rubber."""
@@ -22,7 +22,7 @@ APPROXIMATIONS = {"SAP": "kSap", "lagged": "kLagged"}
 """Drake's contact models: SAP lifts sliding bodies, lagged lifts them less."""
 
 
-def is_there() -> bool:
+def is_installed() -> bool:
     """Whether Drake is installed."""
     return importlib.util.find_spec("pydrake") is not None
 
@@ -47,7 +47,7 @@ class DrakeScene:
         from pydrake.systems.framework import DiagramBuilder
 
         logging.getLogger("drake").setLevel(logging.ERROR)
-        scene = boxes_of(marionette)
+        scene = free_boxes(marionette)
         builder = DiagramBuilder()
         self.plant, _ = AddMultibodyPlantSceneGraph(builder, dt)
         self._model(approximation)
@@ -100,7 +100,7 @@ class DrakeScene:
             linear, angular = x.v_D[6 * k : 6 * k + 3], x.v_D[6 * k + 3 : 6 * k + 6]
             i, j = body.floating_positions_start(), body.floating_velocities_start_in_v()
             q[i : i + 7] = [*quaternion, *at]
-            v[j : j + 6] = [*_turn(quaternion).apply(np.array(angular)), *linear]
+            v[j : j + 6] = [*_rotation_matrix(quaternion).apply(np.array(angular)), *linear]
         self.plant.SetPositions(self.context, q)
         self.plant.SetVelocities(self.context, v)
         self.simulator.Initialize()
@@ -121,7 +121,10 @@ class DrakeScene:
             i, j = body.floating_positions_start(), body.floating_velocities_start_in_v()
             quaternion = all_q[i : i + 4]
             q += [*all_q[i + 4 : i + 7], *quaternion]
-            v += [*all_v[j + 3 : j + 6], *_turn(quaternion).inv().apply(np.array(all_v[j : j + 3]))]
+            v += [
+                *all_v[j + 3 : j + 6],
+                *_rotation_matrix(quaternion).inv().apply(np.array(all_v[j : j + 3])),
+            ]
         return np.array(q), np.array(v)
 
     def advance(self, t: float) -> None:
@@ -138,6 +141,6 @@ def _properties(mu: float) -> Any:
     return properties
 
 
-def _turn(quaternion: Array) -> Rotation:
+def _rotation_matrix(quaternion: Array) -> Rotation:
     w, *xyz = quaternion
     return Rotation.from_quat([*xyz, w])

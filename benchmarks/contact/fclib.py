@@ -18,7 +18,7 @@ _COLUMNS, _ROWS = -1, -2
 """FCLIB's number of triplets for a compressed matrix."""
 
 
-def arrays(file: Path) -> tuple[Array, Array, Array] | None:
+def read_arrays(file: Path) -> tuple[Array, Array, Array] | None:
     """W (m, m), q (m,) and the coefficients of friction; None for a planar problem."""
     with h5py.File(file) as held:
         name = "fclib_local" if "fclib_local" in held else "fclib_global"

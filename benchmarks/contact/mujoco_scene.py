@@ -59,7 +59,7 @@ class MuJoCoScene:
             dt: step [s].
             hard: whether contacts, strings and limits are as hard as MuJoCo permits.
         """
-        model = mujoco.MjModel.from_xml_string(text_of(marionette, still))
+        model = mujoco.MjModel.from_xml_string(scene_mjcf(marionette, still))
         option = model.opt
         option.timestep, option.integrator = dt, mujoco.mjtIntegrator.mjINT_EULER
         option.cone, option.solver = mujoco.mjtCone.mjCONE_ELLIPTIC, mujoco.mjtSolver.mjSOL_NEWTON
@@ -117,7 +117,7 @@ class MuJoCoScene:
             self.choose(settings)
             shortest[i] = min(shortest[i], self.burst(x, n, n // 4))
         self.choose(SETTINGS[min(shortest, key=lambda i: shortest[i])])
-        return {name_of(SETTINGS[i]): seconds for i, seconds in shortest.items()}
+        return {settings_name(SETTINGS[i]): seconds for i, seconds in shortest.items()}
 
     def trajectories(self, states: list[State], steps: int, threads: int) -> float:
         """Time of a rollout from several states on several threads [s]."""
@@ -159,12 +159,12 @@ class MuJoCoScene:
         return out
 
 
-def name_of(settings: dict) -> str:
+def settings_name(settings: dict) -> str:
     """``dense, islands``."""
     return settings["jacobian"] + (", islands" if settings["islands"] else "")
 
 
-def text_of(marionette: Marionette, still: Array | None) -> str:
+def scene_mjcf(marionette: Marionette, still: Array | None) -> str:
     """MJCF of the puppet with the solids that may touch; other bodies are excluded."""
     root = ElementTree.fromstring(mjcf(marionette, still))
     option = root.find("option")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ..speed.figures import Chapter, goals_table
 from ..speed.programs import flags
-from ..strings.report import Table, machine, wrapped
+from ..strings.report import Table, machine, wrap_paragraph
 
 OPENING = (
     "After this page you know the cost and the accuracy of [contact](contact.md), compared with "
@@ -21,7 +21,7 @@ def page(chapters: list[Chapter]) -> str:
     table = Table(computer.header, [*computer.rows, ["compiler's flags", " ".join(flags())]])
     parts = [
         "# Contact, measured",
-        wrapped(OPENING),
+        wrap_paragraph(OPENING),
         goals_table(chapters).markdown(),
         table.markdown(),
         *(chapter.section.markdown() for chapter in chapters),

@@ -16,7 +16,7 @@ import numpy as np
 from fantoccini.base.arrays import Array
 from fantoccini.kernel import build
 
-from ..speed.figures import Chapter, shown
+from ..speed.figures import Chapter, time_text
 from ..speed.programs import flags
 from ..strings.report import Section, Table, number
 
@@ -108,20 +108,20 @@ class Answer:
     residual: float
 
 
-def parsed(file: Path) -> Problem | None:
+def read_problem(file: Path) -> Problem | None:
     """A problem of contacts in space; None for other problems."""
     if file.suffix != ".hdf5":
-        return _parsed_text(file)
-    from .fclib import arrays
+        return _read_text(file)
+    from .fclib import read_arrays
 
-    parts = arrays(file)
+    parts = read_arrays(file)
     if parts is None or not 0 < len(parts[2]) <= LARGEST:
         return None
     M, q, mu = parts
     return Problem(file, 0.5 * (M + M.T), q, mu)
 
 
-def _parsed_text(file: Path) -> Problem | None:
+def _read_text(file: Path) -> Problem | None:
     """The same in Siconos's text format, with dense or block storage."""
     words = iter(file.read_text(encoding="utf-8").split())
 
@@ -168,7 +168,7 @@ def _program() -> tuple[tempfile.TemporaryDirectory, Path]:
     return folder, path
 
 
-def ours(problem: Problem) -> Answer:
+def solve_with_fantoccini(problem: Problem) -> Answer:
     """Our solver."""
     words = np.concatenate([[len(problem.mu)], problem.mu, -problem.q, problem.M.ravel()])
     text = "\n".join(map(repr, words.tolist()))
@@ -179,7 +179,7 @@ def ours(problem: Problem) -> Answer:
     return Answer(seconds, int(iterations + rounds), problem.residual(np.array(r)))
 
 
-def siconos(problem: Problem, python: str, solver: str) -> Answer | None:
+def solve_with_siconos(problem: Problem, python: str, solver: str) -> Answer | None:
     """One of Siconos's solvers; None where it fails or takes too long."""
     worker = str(HERE / "siconos_worker.py")
     try:
@@ -201,7 +201,7 @@ def chapter(folder: Path | None, python: str | None) -> Chapter:
     """The section on the problems in a folder; without a folder, how to supply one."""
     title = "7. Published problems"
     files = sorted([*folder.glob("*.dat"), *folder.glob("*.hdf5")]) if folder else []
-    problems = [p for f in files if not f.name.startswith(OTHERS) and (p := parsed(f))]
+    problems = [p for f in files if not f.name.startswith(OTHERS) and (p := read_problem(f))]
     if not problems:
         text = (
             "Not measured: give `python -m benchmarks.contact` a folder of problems in Siconos's "
@@ -211,9 +211,9 @@ def chapter(folder: Path | None, python: str | None) -> Chapter:
         return Chapter(Section(title, [text]))
     rows = []
     for problem in problems:
-        answers = [ours(problem)]
-        answers += [siconos(problem, python, s) if python else None for s in SOLVERS]
-        rows.append([f"{problem.name}, {len(problem.mu)}", *map(_shown, answers)])
+        answers = [solve_with_fantoccini(problem)]
+        answers += [solve_with_siconos(problem, python, s) if python else None for s in SOLVERS]
+        rows.append([f"{problem.name}, {len(problem.mu)}", *map(_answer_text, answers)])
     text = (
         "Contact problems from the tests of Siconos (`numerics/src/FrictionContact/test/data`), "
         "some of the collection FCLIB as text and some (`*.hdf5`) in its own files: all "
@@ -229,7 +229,7 @@ def chapter(folder: Path | None, python: str | None) -> Chapter:
     return Chapter(Section(title, [text, Table(header, rows)]))
 
 
-def _shown(answer: Answer | None) -> str:
+def _answer_text(answer: Answer | None) -> str:
     if answer is None:
         return "-"
-    return f"{answer.iterations}, {shown(answer.seconds)}, {number(answer.residual)}"
+    return f"{answer.iterations}, {time_text(answer.seconds)}, {number(answer.residual)}"

@@ -96,7 +96,7 @@ def _folder() -> tempfile.TemporaryDirectory:
     return tempfile.TemporaryDirectory()
 
 
-def compiled(marionette: Marionette, dt: float, source: Path = HERE / "stage.cpp") -> Program:
+def compile_scene(marionette: Marionette, dt: float, source: Path = HERE / "stage.cpp") -> Program:
     """A scene's program, compiled like its library."""
     folder = Path(tempfile.mkdtemp(dir=_folder().name))
     for file, text in marionette.libraries.source_files().files.items():

@@ -22,7 +22,7 @@ from fantoccini.motion import ContactPoints, State
 from ..speed.figures import Chapter
 from ..strings.report import Section, Table, number
 from . import bullet_scene, drake_scene
-from .boxes import Unlike
+from .boxes import UnsupportedSceneError
 from .bullet_scene import BulletScene
 from .drake_scene import DrakeScene
 from .mujoco_scene import MuJoCoScene
@@ -49,7 +49,7 @@ pose: {{cube.z: {height!r}}}
 
 
 @dataclass(frozen=True)
-class Course:
+class EngineRun:
     """A run of either engine.
 
     Attributes:
@@ -74,7 +74,9 @@ Push = Callable[[float], float]
 """Force along x on the first body at a time [N]."""
 
 
-def ours(puppet: fan.Marionette, x: State, t_end: float, push: Push | None = None) -> Course:
+def run_fantoccini(
+    puppet: fan.Marionette, x: State, t_end: float, push: Push | None = None
+) -> EngineRun:
     """A time-stepping run."""
     stepper = puppet.stepper(x, method=fan.TimeStepping(dt=DT))
     layout, n = puppet.sample_layout, puppet.coordinates.n_vD
@@ -92,7 +94,9 @@ def ours(puppet: fan.Marionette, x: State, t_end: float, push: Push | None = Non
         depth.append(max([0.0, *(-points.gap)]))
     split = layout.split(np.array(rows))
     energy = split["kinetic"] + split["potential"]
-    return Course(split["t"], split["q_D"], split["v_D"], normal, tangent, np.array(depth), energy)
+    return EngineRun(
+        split["t"], split["q_D"], split["v_D"], normal, tangent, np.array(depth), energy
+    )
 
 
 def _points(puppet: fan.Marionette, stepper: Stepper) -> ContactPoints:
@@ -101,9 +105,9 @@ def _points(puppet: fan.Marionette, stepper: Stepper) -> ContactPoints:
     return contact_points(rows, puppet.contacts.names)
 
 
-def theirs(
+def run_mujoco(
     puppet: fan.Marionette, x: State, t_end: float, hard: bool, push: Push | None = None
-) -> Course:
+) -> EngineRun:
     """A run of MuJoCo's Euler method with elliptic cones and Newton's method."""
     scene = MuJoCoScene.of(puppet, x.q_K, DT, hard)
     scene.put(x)
@@ -120,16 +124,16 @@ def theirs(
         depth.append(max([0.0, *(-data.contact.dist)]))
     t, q, v = np.split(np.array(rows), [1, 1 + puppet.coordinates.n_qD], axis=1)
     energy = _energy(puppet, x, q, v)
-    return Course(t[:, 0], q, v, normal, tangent, np.array(depth), energy)
+    return EngineRun(t[:, 0], q, v, normal, tangent, np.array(depth), energy)
 
 
-def boxes(
+def run_boxes(
     scene_of: Callable[[fan.Marionette, float], DrakeScene | BulletScene],
     puppet: fan.Marionette,
     x: State,
     t_end: float,
     push: Push | None = None,
-) -> Course:
+) -> EngineRun:
     """A run of an engine without strings.
 
     Raises:
@@ -147,28 +151,28 @@ def boxes(
     t = DT * np.arange(1, len(rows) + 1)
     heights = np.concatenate([np.full((len(q), 1), -0.5 * SIDE), q[:, 2::7]], axis=1)
     depth = np.maximum(SIDE - np.diff(heights, axis=1), 0.0).max(axis=1)
-    return Course(t, q, v, [], [], depth, _energy(puppet, x, q, v))
+    return EngineRun(t, q, v, [], [], depth, _energy(puppet, x, q, v))
 
 
-def engines() -> dict[str, Callable[..., Course]]:
+def installed_engines() -> dict[str, Callable[..., EngineRun]]:
     """The run function of every installed engine."""
-    runs: dict[str, Callable[..., Course]] = {
-        "fantoccini": ours,
-        "MuJoCo": functools.partial(theirs, hard=False),
-        "MuJoCo, hard": functools.partial(theirs, hard=True),
+    runs: dict[str, Callable[..., EngineRun]] = {
+        "fantoccini": run_fantoccini,
+        "MuJoCo": functools.partial(run_mujoco, hard=False),
+        "MuJoCo, hard": functools.partial(run_mujoco, hard=True),
     }
-    if drake_scene.is_there():
+    if drake_scene.is_installed():
         for name, approximation in drake_scene.APPROXIMATIONS.items():
             scene_of = functools.partial(DrakeScene, approximation=approximation)
-            runs[f"Drake, {name}"] = functools.partial(boxes, scene_of)
-    if bullet_scene.is_there():
-        runs["Bullet"] = functools.partial(boxes, BulletScene)
+            runs[f"Drake, {name}"] = functools.partial(run_boxes, scene_of)
+    if bullet_scene.is_installed():
+        runs["Bullet"] = functools.partial(run_boxes, BulletScene)
     return runs
 
 
 def chapter() -> Chapter:
     """All scenes with all engines."""
-    runs = engines()
+    runs = installed_engines()
     rows = []
     for what, measure in SCENES.items():
         rows.append([what, *(_cell(measure, run) for run in runs.values())])
@@ -194,22 +198,24 @@ def chapter() -> Chapter:
     return Chapter(Section("5. The law", [text, Table(["", *runs], rows), others]))
 
 
-def _cell(measure: Callable[[Callable[..., Course]], float], run: Callable[..., Course]) -> str:
+def _cell(
+    measure: Callable[[Callable[..., EngineRun]], float], run: Callable[..., EngineRun]
+) -> str:
     """A figure, or a dash if an engine does not provide it."""
     try:
         value = measure(run)
-    except Unlike:
+    except UnsupportedSceneError:
         return "-"
     return number(value)
 
 
-def cube(mu: float, slope: float = 0.0, height: float = 0.5 * SIDE) -> fan.Marionette:
+def cube_on_floor(mu: float, slope: float = 0.0, height: float = 0.5 * SIDE) -> fan.Marionette:
     """A cube over a floor; the slope tilts gravity."""
     x, z = G * float(np.sin(slope)), -G * float(np.cos(slope))
     return fan.loads(CUBE.format(x=x, z=z, mu=mu, side=SIDE, mass=MASS, height=height))
 
 
-def _sliding(puppet: fan.Marionette, speed: float) -> State:
+def _sliding_state(puppet: fan.Marionette, speed: float) -> State:
     """A state on the floor, with a speed along x."""
     x = puppet.state()
     v = x.v_D.copy()
@@ -217,41 +223,41 @@ def _sliding(puppet: fan.Marionette, speed: float) -> State:
     return x.replace(v_D=v)
 
 
-def _creep(run: Callable[..., Course]) -> float:
-    puppet = cube(0.6, slope=0.5)
+def _creep(run: Callable[..., EngineRun]) -> float:
+    puppet = cube_on_floor(0.6, slope=0.5)
     course = run(puppet, puppet.state(), 5.0)
     return float(np.abs(course.q[-1, 0] - course.q[999, 0]))
 
 
-def stopping_error(run: Callable[..., Course]) -> float:
+def stopping_error(run: Callable[..., EngineRun]) -> float:
     mu, speed = 0.3, 1.0
-    puppet = cube(mu)
-    course = run(puppet, _sliding(puppet, speed), 1.0)
+    puppet = cube_on_floor(mu)
+    course = run(puppet, _sliding_state(puppet, speed), 1.0)
     return abs(float(course.q[-1, 0]) - speed**2 / (2.0 * mu * G))
 
 
-def _lift(run: Callable[..., Course]) -> float:
-    puppet = cube(0.3)
-    course = run(puppet, _sliding(puppet, 1.0), 0.3)
+def _lift(run: Callable[..., EngineRun]) -> float:
+    puppet = cube_on_floor(0.3)
+    course = run(puppet, _sliding_state(puppet, 1.0), 0.3)
     return float(np.abs(course.q[:, 2] - 0.5 * SIDE).max())
 
 
-def _gain(run: Callable[..., Course]) -> float:
-    puppet = cube(0.3)
-    course = run(puppet, _sliding(puppet, 1.0), 1.0)
+def _gain(run: Callable[..., EngineRun]) -> float:
+    puppet = cube_on_floor(0.3)
+    course = run(puppet, _sliding_state(puppet, 1.0), 1.0)
     return float(np.maximum(np.diff(course.energy), 0.0).sum())
 
 
-def dragged_way(run: Callable[..., Course]) -> float:
+def dragged_distance(run: Callable[..., EngineRun]) -> float:
     """Distance of a pulled cube when the force reaches 95 % of the friction limit."""
     mu, t_end = 0.5, 1.0
-    puppet = cube(mu)
+    puppet = cube_on_floor(mu)
     limit_force = mu * MASS * G
     course = run(puppet, puppet.state(), t_end, push=lambda t: 0.95 * limit_force * t / t_end)
     return float(np.abs(course.q[-1, 0]))
 
 
-def _stack(run: Callable[..., Course]) -> float:
+def _stack(run: Callable[..., EngineRun]) -> float:
     """Cubes of 1, 1 and 1000 kg, the heaviest on top: the deepest overlap in the second second."""
     bodies = "\n".join(
         f"- {{name: c{k}, joint: {{type: free}}, "
@@ -267,24 +273,24 @@ def _stack(run: Callable[..., Course]) -> float:
     return float(course.depth[1000:].max())
 
 
-def _uneven(run: Callable[..., Course]) -> float:
-    puppet = cube(0.5)
+def _uneven(run: Callable[..., EngineRun]) -> float:
+    puppet = cube_on_floor(0.5)
     course = run(puppet, puppet.state(), 1.0)
     if not course.normal:
-        raise Unlike("it has no points")
+        raise UnsupportedSceneError("it has no points")
     return float(np.abs(course.normal[-1] - 0.25 * MASS * G).max() / (MASS * G))
 
 
-def _internal(run: Callable[..., Course]) -> float:
-    puppet = cube(0.5)
+def _internal(run: Callable[..., EngineRun]) -> float:
+    puppet = cube_on_floor(0.5)
     course = run(puppet, puppet.state(), 1.0)
     if not course.normal:
-        raise Unlike("it has no points")
+        raise UnsupportedSceneError("it has no points")
     return float(course.tangent[-1].sum() / (MASS * G))
 
 
-def _feet(run: Callable[..., Course]) -> Course:
-    return run(_standing_peer(), _stood(ONE.standing.q_D, ONE.standing.v_D), 5.0)
+def _feet(run: Callable[..., EngineRun]) -> EngineRun:
+    return run(_standing_peer(), _standing_state(ONE.standing.q_D, ONE.standing.v_D), 5.0)
 
 
 @functools.cache
@@ -292,21 +298,21 @@ def _standing_peer() -> fan.Marionette:
     return fan.Marionette(ONE.peers_puppet)
 
 
-def _stood(q_D: Array, v_D: Array) -> State:
+def _standing_state(q_D: Array, v_D: Array) -> State:
     """A state of the peers' puppet."""
     return _standing_peer().state().replace(q_D=q_D, v_D=v_D, q_K=ONE.standing.q_K)
 
 
-def sunk_depth(run: Callable[..., Course]) -> float:
+def sunk_depth(run: Callable[..., EngineRun]) -> float:
     return float(_feet(run).depth[1000:].max())
 
 
-def _crept(run: Callable[..., Course]) -> float:
+def _crept(run: Callable[..., EngineRun]) -> float:
     """Distance that a foot moves in the last four of five seconds."""
     course = _feet(run)
     places = []
     for k in (999, -1):
-        x = _stood(course.q[k], course.v[k])
+        x = _standing_state(course.q[k], course.v[k])
         places.append([_standing_peer().pose(x, name)[:2, 3] for name in FEET])
     return float(np.linalg.norm(np.subtract(*places), axis=1).max())
 
@@ -318,12 +324,12 @@ def _energy(puppet: fan.Marionette, x: State, q: Array, v: Array) -> Array:
     return np.asarray(energies.T + energies.V)
 
 
-SCENES: dict[str, Callable[[Callable[..., Course]], float]] = {
+SCENES: dict[str, Callable[[Callable[..., EngineRun]], float]] = {
     "cube on a slope below the threshold: creep from 1 s to 5 s [m]": _creep,
     "sliding cube: error of the distance to its stop [m]": stopping_error,
     "sliding cube: vertical displacement [m]": _lift,
     "sliding cube: energy gained in all steps [J]": _gain,
-    "dragged cube: displacement at 95 % of the friction limit [m]": dragged_way,
+    "dragged cube: displacement at 95 % of the friction limit [m]": dragged_distance,
     "stack of 1, 1 and 1000 kg: deepest overlap from 1 s to 2 s [m]": _stack,
     "standing marionette: deepest overlap from 1 s to 5 s [m]": sunk_depth,
     "standing marionette: displacement of a foot from 1 s to 5 s [m]": _crept,

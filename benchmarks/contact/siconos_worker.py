@@ -13,11 +13,11 @@ import numpy as np
 import siconos.numerics as sn
 
 
-def main(file: str, solver: str, most: str, tolerance: str) -> None:
+def main(file: str, solver: str, max_iterations: str, tolerance: str) -> None:
     problem = sn.frictionContact_new_from_filename(file)
     options = sn.SolverOptions(getattr(sn, f"SICONOS_FRICTION_3D_{solver}"))
     options.dparam[sn.SICONOS_DPARAM_TOL] = float(tolerance)
-    options.iparam[sn.SICONOS_IPARAM_MAX_ITER] = int(most)
+    options.iparam[sn.SICONOS_IPARAM_MAX_ITER] = int(max_iterations)
     n = 3 * problem.numberOfContacts
     r, u = np.zeros(n), np.zeros(n)
     began = time.process_time()

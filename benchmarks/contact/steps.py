@@ -9,10 +9,10 @@ import mujoco
 
 import fantoccini as fan
 
-from ..speed.figures import Chapter, Goal, in_turns, shown, spread, times
+from ..speed.figures import Chapter, Goal, in_turns, ratio_text, spread_text, time_text
 from ..strings.report import Section, Table, number
 from .mujoco_scene import MuJoCoScene
-from .programs import Program, compiled
+from .programs import Program, compile_scene
 from .subject import DT, HEAP, ONE, TWO, Subject
 
 FASTER = 4.0
@@ -42,13 +42,13 @@ class Pair:
     tried: dict[str, float]
 
 
-def pairs(turns: int, steps: int) -> list[Pair]:
+def compiled_pairs(turns: int, steps: int) -> list[Pair]:
     """All subjects, compiled, with MuJoCo's fastest settings."""
     subject_pairs, programs = [], {}
     for subject in (ONE, TWO, HEAP):
         members = len(subject.members)
         if members not in programs:
-            programs[members] = compiled(subject.marionette, DT)
+            programs[members] = compile_scene(subject.marionette, DT)
         program = Program(programs[members].path, subject.marionette, DT)
         x = subject.standing
         peer = MuJoCoScene.of(fan.Marionette(subject.peers_puppet), x.q_K, DT)
@@ -62,24 +62,27 @@ def chapters(subject_pairs: list[Pair], turns: int, steps: int) -> list[Chapter]
     """Times, ratios, marks, and MuJoCo's settings."""
     actions: dict[str, Callable[[], float]] = {}
     for pair in subject_pairs:
-        actions[_ours(pair)] = lambda pair=pair: pair.program.run(
+        actions[_time_fantoccini(pair)] = lambda pair=pair: pair.program.run(
             pair.subject.standing, "step", 1, steps
         ).seconds[0]
-        actions[_theirs(pair)] = lambda pair=pair: pair.peer.burst(
+        actions[_time_mujoco(pair)] = lambda pair=pair: pair.peer.burst(
             pair.subject.standing, steps, steps // 4
         )
     taken = in_turns(actions, turns)
-    ratios = {p.subject.name: taken[_theirs(p)].over(taken[_ours(p)]) for p in subject_pairs}
-    rows = [[name, *spread(samples)] for name, samples in taken.items()]
-    ratio_rows = [[f"mj_step / ours, {n}", *spread(r, times)] for n, r in ratios.items()]
+    ratios = {
+        p.subject.name: taken[_time_mujoco(p)].over(taken[_time_fantoccini(p)])
+        for p in subject_pairs
+    }
+    rows = [[name, *spread_text(samples)] for name, samples in taken.items()]
+    ratio_rows = [[f"mj_step / ours, {n}", *spread_text(r, ratio_text)] for n, r in ratios.items()]
     goals = [Goal(f"mj_step / ours, {ONE.name}", ratios[ONE.name], FASTER)]
     for pair in subject_pairs[1:]:
         points = pair.program.run(pair.subject.standing, "step", 1, 10).points
         what = f"a step of {pair.subject.name}, {points} points"
-        goals.append(Goal(what, taken[_ours(pair)], LONGEST, False))
+        goals.append(Goal(what, taken[_time_fantoccini(pair)], LONGEST, False))
     text = (
-        f"A time step of {shown(DT)} from the puppets' stance after their strings were let out, "
-        f"in turn, {turns} times {steps} steps each, in processor time. "
+        f"A time step of {time_text(DT)} from the puppets' stance after their strings were let "
+        f"out, in turn, {turns} times {steps} steps each, in processor time. "
         "Ours: a compiled C++ program with the library's flags that makes the steps of a run and "
         "saves nothing; MuJoCo: one call of `mj_step` with elliptic cones and Newton's method, "
         "and default softness. Ours is compiled for this processor, MuJoCo is the published "
@@ -88,12 +91,12 @@ def chapters(subject_pairs: list[Pair], turns: int, steps: int) -> list[Chapter]
     )
     table = Table(["program, work", "median", "min", "max"], rows)
     ratio_table = Table(["ratio", "median", "min", "max"], ratio_rows)
-    parts = [text, table, ratio_table, _states(subject_pairs)]
+    parts = [text, table, ratio_table, _contact_forces(subject_pairs)]
     first = Chapter(Section("1. Time steps", parts), goals)
     return [first, _settings(subject_pairs)]
 
 
-def _states(subject_pairs: list[Pair]) -> Table:
+def _contact_forces(subject_pairs: list[Pair]) -> Table:
     """Contact forces of both programs, which show that they simulate the same scene."""
     rows = []
     for pair in subject_pairs:
@@ -118,7 +121,7 @@ def _settings(subject_pairs: list[Pair]) -> Chapter:
     for pair in subject_pairs:
         shortest = min(pair.tried.values())
         for name, seconds in pair.tried.items():
-            text = f"**{shown(seconds)}**" if seconds == shortest else shown(seconds)
+            text = f"**{time_text(seconds)}**" if seconds == shortest else time_text(seconds)
             rows.append([f"{pair.subject.name}: {name}", text])
     text = (
         f"The fastest of some bursts of MuJoCo {mujoco.__version__} selects the Jacobian and "
@@ -127,9 +130,9 @@ def _settings(subject_pairs: list[Pair]) -> Chapter:
     return Chapter(Section("2. MuJoCo's settings", [text, Table(["setting", "a step"], rows)]))
 
 
-def _ours(pair: Pair) -> str:
+def _time_fantoccini(pair: Pair) -> str:
     return f"fantoccini, {pair.subject.name}"
 
 
-def _theirs(pair: Pair) -> str:
+def _time_mujoco(pair: Pair) -> str:
     return f"MuJoCo {mujoco.__version__}, {pair.subject.name}"

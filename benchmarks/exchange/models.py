@@ -22,7 +22,7 @@ import numpy as np
 from fantoccini.kernel.equations import derive
 from fantoccini.model.puppet import load
 from fantoccini.model.tree import grow
-from fantoccini.output.exchange import Imported, import_model
+from fantoccini.output.exchange import ImportedPuppet, import_model
 
 GYMNASIUM = tuple(
     f"gymnasium/envs/mujoco/assets/{name}.xml"
@@ -104,15 +104,15 @@ def path_of(model: str) -> Path:
     return Path(spec.submodule_search_locations[0]) / rest
 
 
-def agreement(model: str, states: int = STATES) -> Agreement:
+def measure_agreement(model: str, states: int = STATES) -> Agreement:
     """Compares a model."""
     path = path_of(model)
     m = mujoco.MjModel.from_xml_path(str(path))
-    off = tuple(switched_off(m))
+    off = tuple(switch_off_features(m))
     return Agreement(model, m.nv, compare(import_model(path), m, states), off)
 
 
-def switched_off(m: mujoco.MjModel) -> Iterator[str]:
+def switch_off_features(m: mujoco.MjModel) -> Iterator[str]:
     """Switches off constraints and features that reports list; yields names of the latter."""
     disable = mujoco.mjtDisableBit
     for flag in ("CONTACT", "LIMIT", "ACTUATION", "FRICTIONLOSS", "EQUALITY"):
@@ -143,14 +143,14 @@ def switched_off(m: mujoco.MjModel) -> Iterator[str]:
             yield f"tendon {m.tendon(t).name}"
 
 
-def compare(imported: Imported, m: mujoco.MjModel, states: int) -> float:
+def compare(imported: ImportedPuppet, m: mujoco.MjModel, states: int) -> float:
     """Largest difference of accelerations over the largest acceleration, over random states."""
     with tempfile.TemporaryDirectory() as folder:
         imported.save(Path(folder) / "puppet.yaml")
         puppet = load(Path(folder) / "puppet.yaml")
         tree = grow(puppet)
     equations, table, d = derive(tree), tree.coordinates, mujoco.MjData(m)
-    q, v = places(imported, m, table)
+    q, v = mujoco_indices(imported, m, table)
     rng, worst, largest = np.random.default_rng(0), 0.0, 0.0
     for _ in range(states):
         d.qpos[:] = m.qpos0 + rng.uniform(-1.0, 1.0, m.nq)
@@ -177,7 +177,9 @@ def compare(imported: Imported, m: mujoco.MjModel, states: int) -> float:
     return worst / largest
 
 
-def places(imported: Imported, m: mujoco.MjModel, table: Any) -> tuple[np.ndarray, np.ndarray]:
+def mujoco_indices(
+    imported: ImportedPuppet, m: mujoco.MjModel, table: Any
+) -> tuple[np.ndarray, np.ndarray]:
     """Indices in qpos and qvel of the puppet's dynamic coordinates."""
     q, v = {}, {}
     suffix = {
@@ -200,7 +202,7 @@ def main() -> None:
     print("|---|---|---|---|")
     for model in MODELS:
         if not words or any(word in model for word in words):
-            a = agreement(model)
+            a = measure_agreement(model)
             off = ", ".join(a.off) or "nothing"
             print(f"| `{model}` | {a.n_v} | {a.error:.1e} | {off} |", flush=True)
 

@@ -38,10 +38,10 @@ def main() -> None:
         print(sizes[-1], flush=True)
         if file:
             file.write_text(json.dumps([vars(size) for size in sizes], indent=1))
-    report.write(ROOT, sizes, BODY, missing(sizes))
+    report.write(ROOT, sizes, BODY, missing_sizes_text(sizes))
 
 
-def missing(sizes: list[Size]) -> list[str]:
+def missing_sizes_text(sizes: list[Size]) -> list[str]:
     """The sizes that were not measured, in words."""
     there = {(s.kind, s.dof, s.strings) for s in sizes}
     return [f"{k}, {n} DOF, {m} strings" for k, n, m in SIZES if (k, n, m) not in there]

@@ -71,11 +71,13 @@ def measure(kind: str, dof: int, strings: int) -> Size:
     with tempfile.TemporaryDirectory() as folder:
         os.environ["FANTOCCINI_CACHE"] = folder
         start = time.perf_counter()
-        with Watch(folder) as watch:
+        with MemoryWatch(folder) as watch:
             entry = build.obtain("0" * 64, lambda: source)
         compiled = time.perf_counter() - start
         library = Library(entry / build.LIBRARY, puppet.tree)
-        evaluate, step = (evaluation(puppet, library, f) for f in ("dynamics", "step_dynamics"))
+        evaluate, step = (
+            evaluation_time(puppet, library, f) for f in ("dynamics", "step_dynamics")
+        )
     spent = resource.getrusage(resource.RUSAGE_CHILDREN)
     return Size(
         kind=kind,
@@ -87,12 +89,12 @@ def measure(kind: str, dof: int, strings: int) -> Size:
         compile_cpu=spent.ru_utime + spent.ru_stime,
         evaluate=evaluate,
         step=step,
-        memory=_most_memory("self"),
+        memory=_peak_memory("self"),
         compiler_memory=watch.most,
     )
 
 
-class Watch:
+class MemoryWatch:
     """Samples the memory of the compilers that run below a folder.
 
     The system's own account of children begins with the memory of their parent, and so does a child
@@ -105,7 +107,7 @@ class Watch:
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._look)
 
-    def __enter__(self) -> Watch:
+    def __enter__(self) -> MemoryWatch:
         self._thread.start()
         return self
 
@@ -119,17 +121,17 @@ class Watch:
                 with contextlib.suppress(OSError):
                     own = os.readlink(f"/proc/{process}/exe") != os.path.realpath(sys.executable)
                     if own and os.readlink(f"/proc/{process}/cwd").startswith(self.folder):
-                        self.most = max(self.most, _most_memory(process))
+                        self.most = max(self.most, _peak_memory(process))
 
 
-def _most_memory(process: str) -> float:
+def _peak_memory(process: str) -> float:
     """Peak memory of a process [MB]."""
     with open(f"/proc/{process}/status", encoding="ascii", errors="replace") as lines:
         words = next((line.split() for line in lines if line.startswith("VmHWM")), ["", "0"])
     return float(words[1]) / 1e3
 
 
-def evaluation(puppet: fan.Marionette, library: Library, function: str) -> float:
+def evaluation_time(puppet: fan.Marionette, library: Library, function: str) -> float:
     """Microseconds of one evaluation at a random state, the shortest of many."""
     table, rng = puppet.coordinates, np.random.default_rng(0)
     widths = {

@@ -13,7 +13,7 @@ _LENGTH = 0.1
 _AXES = ([0, 1, 0], [1, 0, 0], [0, 0.6, 0.8])
 
 
-def described(kind: str, dof: int, strings: int) -> dict:
+def puppet_description(kind: str, dof: int, strings: int) -> dict:
     """A puppet's description, with the keys of a puppet file.
 
     Args:
@@ -61,4 +61,4 @@ def described(kind: str, dof: int, strings: int) -> dict:
 
 def marionette(kind: str, dof: int, strings: int = 3) -> fan.Marionette:
     """A puppet of a size."""
-    return fan.loads(json.dumps(described(kind, dof, strings)))
+    return fan.loads(json.dumps(puppet_description(kind, dof, strings)))

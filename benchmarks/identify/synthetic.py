@@ -55,8 +55,8 @@ def main() -> None:
                     name,
                     f"{value:.6g}",
                     f"{true:.6g}",
-                    _shown(name, value - true, true),
-                    _shown(name, deviation, true),
+                    _error_text(name, value - true, true),
+                    _error_text(name, deviation, true),
                     f"{z:.2f}",
                 )
             )
@@ -69,7 +69,7 @@ def _row(*cells: str) -> str:
     return f"  {cells[0]:26s}" + "".join(f"{cell:>12s}" for cell in cells[1:])
 
 
-def _shown(name: str, error: float, truth: float) -> str:
+def _error_text(name: str, error: float, truth: float) -> str:
     """The error in mm or ms for positions and the delay, otherwise relative."""
     if name == "delay":
         return f"{1e3 * error:.3f} ms"

@@ -18,7 +18,7 @@ from fantoccini.lab.identification.judging import doubts
 from fantoccini.output import reports
 
 
-def turned(seen: fan.lab.Record, degrees: float) -> fan.lab.Record:
+def turned_record(seen: fan.lab.Record, degrees: float) -> fan.lab.Record:
     """A record seen by a camera that is turned about the y axis."""
     c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
     columns = dict(seen.columns)
@@ -35,7 +35,7 @@ def main() -> None:
     parser.add_argument("--degrees", type=float, default=1.0)
     arguments = parser.parse_args()
     case = arm()
-    identified = fan.identify(turned(record(case, 20.0, 3, gaps=0.1), arguments.degrees))
+    identified = fan.identify(turned_record(record(case, 20.0, 3, gaps=0.1), arguments.degrees))
     for name, value, deviation in zip(
         identified.names, identified.values, identified.deviations, strict=True
     ):

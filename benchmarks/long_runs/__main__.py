@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from benchmarks.long_runs import measure
-from benchmarks.strings.report import Table, machine, number, wrapped
+from benchmarks.strings.report import Table, machine, number, wrap_paragraph
 
 ROOT = Path(__file__).resolve().parents[2]
 SECONDS = 1000.0
@@ -16,17 +16,19 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Writes docs/long-runs.md.")
     parser.add_argument("--seconds", type=float, default=SECONDS, help="of the long runs")
     seconds = parser.parse_args().seconds
-    gentle = announced("a gentle swing", measure.energy(measure.GENTLE, seconds))
-    longer = measure.longer(measure.GENTLE, 8 * seconds)
-    vigorous = announced("a vigorous swing", measure.energy(measure.VIGOROUS, min(seconds, 100.0)))
-    orders = announced("orders", measure.orders())
-    catches = announced("catches", measure.catches())
-    momenta = announced("momenta", measure.momenta())
-    cost, slowest = measure.cost()
-    announced("cost", cost)
-    lanes = measure.lanes()
+    gentle = printed_table("a gentle swing", measure.energy_errors(measure.GENTLE, seconds))
+    longer = measure.long_run_slope(measure.GENTLE, 8 * seconds)
+    vigorous = printed_table(
+        "a vigorous swing", measure.energy_errors(measure.VIGOROUS, min(seconds, 100.0))
+    )
+    orders = printed_table("orders", measure.convergence_orders())
+    catches = printed_table("catches", measure.catch_errors())
+    momenta = printed_table("momenta", measure.momentum_drift())
+    cost, slowest = measure.step_costs()
+    printed_table("cost", cost)
+    lanes = measure.lane_cost_text()
     print(lanes, flush=True)
-    growth = announced("growth", measure.growth())
+    growth = printed_table("growth", measure.cost_by_size())
     text = PAGE.format(
         seconds=seconds,
         longer=longer,
@@ -45,12 +47,14 @@ def main() -> None:
         drift=measure.TREP_DRIFT,
         strays=min(seconds, 100.0),
     )
-    parts = (p if p.startswith(("|", "#")) else wrapped(p) for p in text.strip().split("\n\n"))
+    parts = (
+        p if p.startswith(("|", "#")) else wrap_paragraph(p) for p in text.strip().split("\n\n")
+    )
     page = ROOT / "docs" / "long-runs.md"
     page.write_text("\n\n".join(parts) + "\n", encoding="utf-8")
 
 
-def announced(what: str, table: Table) -> str:
+def printed_table(what: str, table: Table) -> str:
     """A table as text, printed when complete."""
     print(what, table.markdown(), sep="\n", flush=True)
     return table.markdown()

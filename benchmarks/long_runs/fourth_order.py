@@ -111,7 +111,7 @@ class Rule:
         return q, corrections
 
 
-def measured() -> tuple[Table, Table]:
+def measure_rules() -> tuple[Table, Table]:
     """Error and cost over the step, and the cost of reaching an error by both rules."""
     puppet = fan.loads(CHAIN)
     x = puppet.rest()
@@ -155,5 +155,5 @@ def measured() -> tuple[Table, Table]:
 
 
 if __name__ == "__main__":
-    for table in measured():
+    for table in measure_rules():
         print(table.markdown(), end="\n\n")

@@ -22,7 +22,7 @@ TREP_DRIFT = 2.4e-4
 """Drift of its energy over 10 s in steps of 10 ms [J]."""
 GENTLE, VIGOROUS = 0.02, 0.5
 """Amplitudes of swings [rad/s, m/s]."""
-FIXED = ("variational", "timestepping")
+FIXED_STEP_METHODS = ("variational", "timestepping")
 METHODS: dict[str, Any] = {
     "variational, 10 ms": fan.Variational(dt=0.01),
     "variational, 1/30 s": fan.Variational(dt=1.0 / 30.0),
@@ -32,9 +32,9 @@ METHODS: dict[str, Any] = {
 }
 
 
-def energy(amplitude: float, seconds: float) -> Table:
+def energy_errors(amplitude: float, seconds: float) -> Table:
     """Energy errors of a swing by all methods."""
-    rows, x = [], subject.swing(amplitude)
+    rows, x = [], subject.random_swing(amplitude)
     for name, method in METHODS.items():
         saved = (
             {"save_at": np.arange(0.0, seconds, 0.1)[1:]}
@@ -47,7 +47,7 @@ def energy(amplitude: float, seconds: float) -> Table:
         )
         took = time.process_time() - began
         T, E = run.ledger["kinetic"], run.ledger["kinetic"] + run.ledger["potential"]
-        slope, error = trend(run.t, E)
+        slope, error = fit_trend(run.t, E)
         catches = sum(e.kind in (EventKind.CATCH, EventKind.LIMIT_ON) for e in run.events)
         rows.append(
             [
@@ -76,22 +76,22 @@ def energy(amplitude: float, seconds: float) -> Table:
     )
 
 
-def longer(amplitude: float, seconds: float) -> str:
+def long_run_slope(amplitude: float, seconds: float) -> str:
     """The slope of the variational integrator's energy, and its standard error, as text."""
     run = fan.simulate(
         subject.undamped(),
-        subject.swing(amplitude),
+        subject.random_swing(amplitude),
         t_end=seconds,
         effort=False,
         method=fan.Variational(dt=0.01),
         save_every=20,
     )
     T = run.ledger["kinetic"]
-    slope, error = trend(run.t, T + run.ledger["potential"])
+    slope, error = fit_trend(run.t, T + run.ledger["potential"])
     return f"{slope / T.mean():.0e} +- {error / T.mean():.0e}"
 
 
-def trend(t: np.ndarray, E: np.ndarray) -> tuple[float, float]:
+def fit_trend(t: np.ndarray, E: np.ndarray) -> tuple[float, float]:
     """Slope of a straight line through the means of 40 stretches, and its standard error."""
     blocks = np.array_split(np.arange(len(t)), 40)
     means = [[t[b].mean(), E[b].mean()] for b in blocks]
@@ -99,52 +99,52 @@ def trend(t: np.ndarray, E: np.ndarray) -> tuple[float, float]:
     return float(slope), float(covariance[0, 0] ** 0.5)
 
 
-def orders() -> Table:
+def convergence_orders() -> Table:
     """Errors against the event-driven motion, and their order."""
-    still = subject.swing(0.1)
+    still = subject.random_swing(0.1)
     bob = puppets.string_pendulum()
     flight = bob.rest().replace(v_D=np.array([5.2, 0.0]))
     cases = {
         "marionette, undamped": (subject.undamped(), still, None, 0.4),
         "damped": (subject.damped(), still, None, 0.4),
-        "damped, moving inputs": (subject.damped(), still, subject.sway(still), 0.4),
+        "damped, moving inputs": (subject.damped(), still, subject.swaying_inputs(still), 0.4),
         "bob through a flight and a catch": (bob, flight, None, 2.0),
     }
     steps, rows = (0.02, 0.01, 0.005, 0.0025, 0.00125), []
     for name, (puppet, x, inputs, t_end) in cases.items():
         exact = fan.simulate(puppet, x, inputs, t_end, method=fan.Event(rtol=1e-12, atol=1e-12))
-        off = []
+        errors = []
         for dt in steps:
             run = fan.simulate(puppet, x, inputs, t_end, method=fan.Variational(dt=dt))
-            off.append(np.max(np.abs(run.q_D[-1] - exact.q_D[-1])))
-        order = np.log2(off[0] / off[-1]) / (len(off) - 1)
-        rows.append([name, *(f"{e:.1e}" for e in off), f"{order:.2f}"])
+            errors.append(np.max(np.abs(run.q_D[-1] - exact.q_D[-1])))
+        order = np.log2(errors[0] / errors[-1]) / (len(errors) - 1)
+        rows.append([name, *(f"{e:.1e}" for e in errors), f"{order:.2f}"])
     return Table(["case", *(f"{1e3 * dt:g} ms" for dt in steps), "order"], rows)
 
 
-def catches() -> Table:
+def catch_errors() -> Table:
     """Errors through many catches that nearly coincide: the marionette dropped onto its strings."""
     steps, t_end, rows = [1e-2 / 4**k for k in range(6)], 0.06, []
     for name, swing in (("at rest", 0.0), ("swinging a little", 0.03)):
-        x = subject.lifted(0.01, swing)
+        x = subject.lifted_state(0.01, swing)
         exact = fan.simulate(
             subject.damped(), x, t_end=t_end, method=fan.Event(rtol=1e-12, atol=1e-12)
         )
         caught = [e.t for e in exact.events if e.kind is EventKind.CATCH]
-        off, loss = [], []
+        errors, loss = [], []
         for dt in steps:
             run = fan.simulate(
                 subject.damped(), x, t_end=t_end, method=fan.Variational(dt=dt), effort=False
             )
-            off.append(np.max(np.abs(run.q_D[-1] - exact.q_D[-1])))
+            errors.append(np.max(np.abs(run.q_D[-1] - exact.q_D[-1])))
             loss.append(abs(run.ledger["impact"][-1] / exact.ledger["impact"][-1] - 1.0))
         span = f"{len(caught)} catches within {1e3 * (caught[-1] - caught[0]):.0f} ms"
-        rows.append([f"{name}, {span}: configuration", *(f"{e:.1e}" for e in off)])
+        rows.append([f"{name}, {span}: configuration", *(f"{e:.1e}" for e in errors)])
         rows.append([f"{name}: energy lost in catches, relative", *(f"{e:.1e}" for e in loss)])
     return Table(["dropped", *(f"{1e3 * dt:.2g} ms" for dt in steps)], rows)
 
 
-def momenta() -> Table:
+def momentum_drift() -> Table:
     """Drift of conserved momenta over 100 s."""
     flyer = fan.loads(subject.FLYER)
     v_D = 2.0 * np.random.default_rng(0).normal(size=flyer.coordinates.n_vD)
@@ -157,7 +157,7 @@ def momenta() -> Table:
         ),
         "on a string, about the vertical": (
             flyer,
-            subject.swinging(flyer, flyer.rest(), v_D),
+            subject.swinging_state(flyer, flyer.rest(), v_D),
             slice(5, 6),
         ),
     }
@@ -166,8 +166,8 @@ def momenta() -> Table:
         for dt in (0.01, 1.0 / 30.0):
             run = fan.simulate(puppet, x, t_end=100.0, method=fan.Variational(dt=dt), save_every=10)
             J = momentum_map(puppet, run)[:, conserved]
-            strays = number(np.ptp(J, axis=0).max())
-            rows.append([name, f"{1e3 * dt:.3g}", number(np.abs(J[0]).max()), strays])
+            deviation = number(np.ptp(J, axis=0).max())
+            rows.append([name, f"{1e3 * dt:.3g}", number(np.abs(J[0]).max()), deviation])
     return Table(["body with a leg", "step [ms]", "largest momentum", "deviation"], rows)
 
 
@@ -182,18 +182,20 @@ def momentum_map(puppet: fan.Marionette, run: fan.Trajectory) -> np.ndarray:
     return np.array(values)
 
 
-def cost() -> tuple[Table, float]:
+def step_costs() -> tuple[Table, float]:
     """Time of a step of the marionette [us], and the slowest at 10 ms."""
     rows, slowest = [], 0.0
     for amplitude in (GENTLE, 0.1, VIGOROUS):
-        x = subject.swing(amplitude)
+        x = subject.random_swing(amplitude)
         for dt in (0.002, 0.01, 1.0 / 30.0):
-            own, other = (step_time(subject.damped(), x, method, dt) for method in FIXED)
+            own, other = (
+                step_time(subject.damped(), x, method, dt) for method in FIXED_STEP_METHODS
+            )
             slowest = max(slowest, own) if dt == 0.01 else slowest
-            figures = (f"{own:.1f}", f"{other:.1f}", f"{own / other:.1f}")
-            rows.append([f"{amplitude:g}", f"{1e3 * dt:.3g}", *figures])
-    head = ["swing [rad/s]", "step [ms]", "variational [us]", "timestepping [us]", "ratio"]
-    return Table(head, rows), slowest
+            cells = (f"{own:.1f}", f"{other:.1f}", f"{own / other:.1f}")
+            rows.append([f"{amplitude:g}", f"{1e3 * dt:.3g}", *cells])
+    header = ["swing [rad/s]", "step [ms]", "variational [us]", "timestepping [us]", "ratio"]
+    return Table(header, rows), slowest
 
 
 def step_time(puppet: fan.Marionette, x: State, method: str, dt: float, n: int = 1000) -> float:
@@ -211,11 +213,11 @@ def step_time(puppet: fan.Marionette, x: State, method: str, dt: float, n: int =
     return 1e6 * min(took)
 
 
-def lanes(n: int = 64, dt: float = 0.01) -> str:
+def lane_cost_text(n: int = 64, dt: float = 0.01) -> str:
     """The cost of a step in a batch, compared with a single run, on one thread, as text."""
     rng, puppet = np.random.default_rng(0), subject.damped()
     starts = [
-        subject.swinging(puppet, subject.all_taut(), VIGOROUS * rng.normal(size=25))
+        subject.swinging_state(puppet, subject.taut_rest(), VIGOROUS * rng.normal(size=25))
         for _ in range(n)
     ]
     took = []
@@ -234,7 +236,7 @@ def lanes(n: int = 64, dt: float = 0.01) -> str:
     )
 
 
-def growth() -> Table:
+def cost_by_size() -> Table:
     """Cost of a step over the degrees of freedom: chains of hinges on three strings."""
     rows = []
     for dof in (5, 10, 25, 50, 100):
@@ -247,14 +249,14 @@ def growth() -> Table:
             puppet.equations[name].n_instructions()
             for name in ("solve_factor_transposed", "solve_factor")
         )
-        once = own["node"].n_instructions()
+        per_step = own["node"].n_instructions()
         took = [
             f"{step_time(puppet, moving, method, dt, 300):.1f}"
             for dt in (0.002, 0.01)
-            for method in FIXED
+            for method in FIXED_STEP_METHODS
         ]
-        again = own["midpoint_rule"].n_instructions() + solves
-        rows.append([str(dof), str(once), str(again), *took])
+        per_correction = own["midpoint_rule"].n_instructions() + solves
+        rows.append([str(dof), str(per_step), str(per_correction), *took])
     return Table(
         [
             "DOF",

@@ -48,7 +48,7 @@ def damped() -> fan.Marionette:
 
 
 @functools.cache
-def all_taut() -> State:
+def taut_rest() -> State:
     """The marionette at rest with its knees lifted until all strings pull."""
     rest = damped().rest()
     lengths = dict(zip(damped().coordinates.q_K, rest.q_K, strict=True))
@@ -58,7 +58,7 @@ def all_taut() -> State:
     return damped().rest(lengths)
 
 
-def swinging(puppet: fan.Marionette, rest: State, v_D: np.ndarray) -> State:
+def swinging_state(puppet: fan.Marionette, rest: State, v_D: np.ndarray) -> State:
     """A state at rest with the velocity v_D, less its components along taut strings."""
     x = rest.replace(v_D=v_D)
     at = Evaluation.of(puppet, x)
@@ -67,21 +67,23 @@ def swinging(puppet: fan.Marionette, rest: State, v_D: np.ndarray) -> State:
     return x.replace(v_D=v_D - at.solve_factor(W @ np.linalg.solve(W.T @ W, at.hdot[taut])))
 
 
-def swing(amplitude: float) -> State:
+def random_swing(amplitude: float) -> State:
     """The marionette, all strings taut, in a random swing of this amplitude [rad/s, m/s]."""
-    return swinging(damped(), all_taut(), amplitude * np.random.default_rng(1).normal(size=25))
+    return swinging_state(
+        damped(), taut_rest(), amplitude * np.random.default_rng(1).normal(size=25)
+    )
 
 
-def lifted(by: float, amplitude: float) -> State:
+def lifted_state(by: float, amplitude: float) -> State:
     """The marionette lifted off its strings [m], in a random swing [rad/s, m/s]."""
-    x, names = all_taut(), damped().coordinates.q_D
+    x, names = taut_rest(), damped().coordinates.q_D
     height = next(i for i, name in enumerate(names) if name.endswith(".z"))
     q_D = x.q_D.copy()
     q_D[height] += by
     return x.replace(q_D=q_D, v_D=amplitude * np.random.default_rng(3).normal(size=25))
 
 
-def sway(x: State) -> fan.Input:
+def swaying_inputs(x: State) -> fan.Input:
     """An input that smoothly shifts a shoulder and lifts a hand."""
     start = dict(zip(damped().coordinates.q_K, x.q_K, strict=True))
     moves = {"shoulder_left.x": 0.01, "hand_right.length": -0.01}

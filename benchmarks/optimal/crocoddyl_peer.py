@@ -45,7 +45,7 @@ class Hand(crocoddyl.ActuationModelAbstract):
         return data
 
 
-def model_of(problem: dict[str, Any]) -> Any:
+def crocoddyl_model(problem: dict[str, Any]) -> Any:
     """The links below a hand."""
     model, joint = pin.Model(), 0
     for axis in problem["axes"]:
@@ -68,7 +68,7 @@ class Peer:
     """A problem for Crocoddyl."""
 
     def __init__(self, problem: dict[str, Any]):
-        self._problem, self._model = problem, model_of(problem)
+        self._problem, self._model = problem, crocoddyl_model(problem)
         self._n, self._state = len(problem["axes"]), crocoddyl.StateMultibody(self._model)
         self._hold = np.array([9.81 * (1.0 + SCALE) if a == "z" else 0.0 for a in problem["axes"]])
         self._goal = np.zeros(self._state.nx)

@@ -38,7 +38,7 @@ METHODS: dict[str, tuple[type[EventRuns], Callable[..., Search | TrustRegionSear
 }
 
 
-def slack(run: fan.Trajectory) -> float:
+def slack_time(run: fan.Trajectory) -> float:
     """Total time with a slack string [s]."""
     return float(np.sum(np.diff(run.t) * (run.tension["hand"][:-1] == 0.0)))
 
@@ -58,7 +58,7 @@ def by_seed(task: fan.Task, seeds: int) -> None:
         again = fan.simulate(task.marionette, task.x0, best.inputs, best.run.t[-1])
         off = max(np.max(np.abs(again.q_D[-1] - task.end.q_D)), np.max(np.abs(again.v_D[-1])))
         successes.append(best.holds and off < MAX_RESIDUAL)
-        print(f"seed {seed:2}: {best}, end within {off:.1e}, slack {slack(best.run):.2f} s")
+        print(f"seed {seed:2}: {best}, end within {off:.1e}, slack {slack_time(best.run):.2f} s")
     print(f"found: {sum(successes)} of {seeds}")
 
 

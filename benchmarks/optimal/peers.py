@@ -80,7 +80,7 @@ class Crocoddyl:
         return json.loads(line)
 
 
-def score(task: fan.Task, u: Array) -> tuple[float, bool]:
+def event_driven_cost(task: fan.Task, u: Array) -> tuple[float, bool]:
     """The cost of inputs by an event-driven run, and whether the strings stay taut in it."""
     nodes = Nodes.constant(task.marionette, task.x0, task.durations[1], task.n_intervals)
     run = fan.simulate(
@@ -97,7 +97,7 @@ def score(task: fan.Task, u: Array) -> tuple[float, bool]:
     return of_u + 0.5 * END * float(np.square(left).sum()), taut
 
 
-def ours(task: fan.Task) -> fan.control.Optimum:
+def solve_with_fantoccini(task: fan.Task) -> fan.control.Optimum:
     """The optimum with Crocoddyl's tolerance: without an early end at small decreases."""
     return fan.optimise(task, tolerance=TOLERANCE, cost_tolerance=0.0, threads=1)
 
@@ -106,7 +106,7 @@ def compare(problem: Problem, python: Path, turns: int) -> None:
     """Prints a problem's rows."""
     marionette = problem.marionette()
     task = problem.task(marionette, DT)
-    ours(task)  # compiles
+    solve_with_fantoccini(task)  # compiles
     with Crocoddyl(python, problem) as peer:
         n = len(problem.links) + len(problem.axes)
         print(
@@ -116,7 +116,7 @@ def compare(problem: Problem, python: Path, turns: int) -> None:
         taken: dict[str, list[float]] = {name: [] for name in ("ours", *INTEGRATORS)}
         answers: dict[str, dict[str, Any]] = {}
         for _ in range(turns):
-            best = ours(task)
+            best = solve_with_fantoccini(task)
             taken["ours"].append(best.seconds)
             for integrator in INTEGRATORS:
                 answers[integrator] = peer(
@@ -147,7 +147,7 @@ def compare(problem: Problem, python: Path, turns: int) -> None:
     print(f"least cost {best_cost:.9g} ({best_name})")
     for name, (u, iterations, cost, status) in solutions.items():
         seconds = float(np.median(taken[name]))
-        own, taut = score(task, u)
+        own, taut = event_driven_cost(task, u)
         ratio = np.median(np.array(taken[name]) / taken["ours"][: len(taken[name])])
         print(
             f"{name:12} {status:10} {seconds:7.3f} s, {iterations:2} iterations of "

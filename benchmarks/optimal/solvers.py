@@ -80,10 +80,10 @@ def main() -> None:
             f"{name}: {own_ms:.1f} ms ({a.iterations} factorisations), PIQP {other_ms:.1f} ms "
             f"({b[1]}), ratio {np.median([y / x for x, y in taken]):.1f}; apart {apart:.1e} m/s^2"
         )
-        others(replace(task, bounds=replace(task.bounds, tension={})), turns)
+        print_solver_times(replace(task, bounds=replace(task.bounds, tension={})), turns)
 
 
-def others(task: fan.Task, turns: int) -> None:
+def print_solver_times(task: fan.Task, turns: int) -> None:
     """Prints the times of HPIPM, OSQP and our own solver."""
     program, unit = first_program(task)
     exact = StageSolver(1e-13).solve(program, unit).u

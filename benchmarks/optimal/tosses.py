@@ -40,7 +40,7 @@ KKT, TIME = 1e-6, 5.0
 """Targets: residual, and time to solve [s]."""
 
 
-def take(arm: fan.Marionette) -> tuple[fan.State, fan.Input, fan.Trajectory]:
+def toss_take(arm: fan.Marionette) -> tuple[fan.State, fan.Input, fan.Trajectory]:
     """The start, the hand's jerks, as accelerations between nodes, and their run."""
     x0 = arm.rest()
     length, points = x0["hand.length"], [(0.0, x0["hand.length"])]
@@ -51,9 +51,9 @@ def take(arm: fan.Marionette) -> tuple[fan.State, fan.Input, fan.Trajectory]:
     return x0, rough, fan.simulate(arm, x0, rough, DURATION)
 
 
-def task(arm: fan.Marionette, weight: float = 1e4) -> fan.Task:
+def following_task(arm: fan.Marionette, weight: float = 1e4) -> fan.Task:
     """The task of following the take with smooth inputs."""
-    x0, rough, run = take(arm)
+    x0, rough, run = toss_take(arm)
     track = fan.control.Track.point(
         "lower", fan.control.Clip(run), at=TIP, weight=weight, end_weight=100.0
     )
@@ -69,7 +69,7 @@ def task(arm: fan.Marionette, weight: float = 1e4) -> fan.Task:
     )
 
 
-def catches(run: fan.Trajectory) -> int:
+def count_catches(run: fan.Trajectory) -> int:
     """Number of catches of the string."""
     return sum(event.kind is fan.motion.EventKind.CATCH for event in run.events)
 
@@ -81,15 +81,15 @@ def main() -> None:
     parser.add_argument("--damping", type=float, default=5e-3, help="damping of the joints [N m s]")
     options = parser.parse_args()
     turns, arm = options.turns, fan.loads(ARM.replace("5e-3", f"{options.damping:g}"))
-    asked = task(arm)
-    print(f"the take: {catches(take(arm)[2])} catches")
+    asked = following_task(arm)
+    print(f"the take: {count_catches(toss_take(arm)[2])} catches")
     for _ in range(turns):
         began = time.perf_counter()
         best = fan.optimise(asked, exact=True, cost_tolerance=0.0, tolerance=KKT)
         took = time.perf_counter() - began
         print(
             f"{best.status.name}: residual {best.kkt:.1e} (at most {KKT:g}), "
-            f"{catches(best.run)} catches, {best.iterations} iterations in {took:.2f} s "
+            f"{count_catches(best.run)} catches, {best.iterations} iterations in {took:.2f} s "
             f"(at most {TIME:g}); {best.summary().splitlines()[-1]}"
         )
 

@@ -22,7 +22,7 @@ from fantoccini.base import Progress
 from fantoccini.control import DrawOptions
 from fantoccini.dynamics.mujoco import mujoco_run
 
-from ..contact.mujoco_scene import text_of
+from ..contact.mujoco_scene import scene_mjcf
 from .marionette_gait import MarionetteGait
 
 STEPS = (2e-3, 1e-3, 5e-4, 2.5e-4, 1.25e-4)
@@ -35,7 +35,7 @@ SLIP = 1e-3
 """Target: slip of a foot in a step [m]."""
 LIFT = 5e-3
 """Target: least height of a lifted sole [m]."""
-LAST = 8
+N_EVALUATED = 8
 """Number of evaluated steps at the end."""
 SOLE = np.array([[x, y, -0.141] for x in (-0.02, 0.034) for y in (-0.016, 0.016)])
 SPREADS = {
@@ -62,25 +62,25 @@ SPREADS = {
 
 
 @dataclass(frozen=True)
-class Walked:
+class WalkMeasurement:
     """The last steps of a run.
 
     Attributes:
         slip: (n, 2) slip of every step and foot [m].
         lift: (n,) largest height of the lowest corner of the swinging foot [m].
-        repeats: (m,) largest change of a coordinate between pairs of steps, without the distance
-            walked [m or rad].
+        cycle_changes: (m,) largest change of a coordinate between pairs of steps, without the
+            distance walked [m or rad].
         way: distance of a pair of steps [m].
-        carried: mean share of the weight on the feet.
+        weight_share: mean share of the weight on the feet.
         upright: least cosine of the torso's inclination.
         tilt: mean angle of the soles while they are on the floor [deg].
     """
 
     slip: np.ndarray
     lift: np.ndarray
-    repeats: np.ndarray
+    cycle_changes: np.ndarray
     way: float
-    carried: float
+    weight_share: float
     upright: float
     tilt: float
 
@@ -88,20 +88,20 @@ class Walked:
         return (
             f"slip {1e3 * self.slip.max():.2f} mm at most in a step and foot, lift "
             f"{1e3 * self.lift.min():.1f} mm, way {1e3 * self.way:.1f} mm a pair of steps, repeats "
-            f"within {self.repeats.max():.4f}, feet carry {100 * self.carried:.0f} %"
+            f"within {self.cycle_changes.max():.4f}, feet carry {100 * self.weight_share:.0f} %"
         )
 
 
-def walked(
+def measure_walk(
     stage: fan.Marionette,
     run: fan.Trajectory,
     gait: MarionetteGait,
     steps: int,
-    looked_at: int = LAST,
-) -> Walked:
+    n_evaluated: int = N_EVALUATED,
+) -> WalkMeasurement:
     """Measures the last steps of a run before the closing one."""
-    D, last, n = gait.duration, steps - 1, looked_at
-    begin = D * (1 + last - n)
+    D, n_walking, n = gait.duration, steps - 1, n_evaluated
+    begin = D * (1 + n_walking - n)
     times = np.arange(begin, begin + n * D + 0.5 * SAMPLE, SAMPLE)
     at = np.minimum(np.searchsorted(run.t, times - 1e-9), len(run.t) - 1)
     q_D, q_K = run.q_D[at], run.q_K[at]
@@ -110,49 +110,51 @@ def walked(
     corners = np.stack(
         [T[:, None, :, 3] + np.einsum("tij,cj->tci", T[:, :, :3], SOLE) for T in shins], axis=1
     )
-    low = corners[..., 2] < ON_FLOOR
-    ways = np.linalg.norm(np.diff(corners[..., :2], axis=0), axis=-1)
-    ways = np.where(low[1:] & low[:-1], ways, 0.0).max(axis=-1)
+    on_floor = corners[..., 2] < ON_FLOOR
+    distances = np.linalg.norm(np.diff(corners[..., :2], axis=0), axis=-1)
+    distances = np.where(on_floor[1:] & on_floor[:-1], distances, 0.0).max(axis=-1)
     step = np.minimum(((times[:-1] - begin + 1e-9) / D).astype(int), n - 1)
-    slip = np.array([ways[step == k].sum(axis=0) for k in range(n)])
-    swings = [(last - n + k) % 2 for k in range(n)]
+    slip = np.array([distances[step == k].sum(axis=0) for k in range(n)])
+    swings = [(n_walking - n + k) % 2 for k in range(n)]
     height = corners[:-1, ..., 2].min(axis=-1)
     lift = np.array([height[step == k, swings[k]].max() for k in range(n)])
     pairs = q_D[np.searchsorted(times, begin + 2 * D * np.arange(n // 2 + 1) - 1e-9)].copy()
     ahead = stage.coordinates.q_D.index("torso.x")
-    way = float(pairs[-1, ahead] - pairs[0, ahead]) / (n // 2)
+    cycle_distance = float(pairs[-1, ahead] - pairs[0, ahead]) / (n // 2)
     pairs[:, ahead] -= 2.0 * gait.stride * np.arange(len(pairs))
-    flat = np.stack([T[:, 2, 2] for T in shins], axis=1)[low.any(axis=-1)]
+    sole_cosines = np.stack([T[:, 2, 2] for T in shins], axis=1)[on_floor.any(axis=-1)]
     tension = run.tension.values[at].sum(axis=1).mean()
-    return Walked(
+    return WalkMeasurement(
         slip,
         lift,
         np.abs(np.diff(pairs, axis=0)).max(axis=1),
-        way,
+        cycle_distance,
         float(1.0 - tension / stage.weight),
         float(poses[:, stage.link_index("torso"), 2, 2].min()),
-        float(np.degrees(np.arccos(np.clip(flat, -1.0, 1.0))).mean()) if len(flat) else 90.0,
+        float(np.degrees(np.arccos(np.clip(sole_cosines, -1.0, 1.0))).mean())
+        if len(sole_cosines)
+        else 90.0,
     )
 
 
 def cost(stage: fan.Marionette, run: fan.Trajectory, gait: MarionetteGait, steps: int) -> float:
     """The cost of a walk: slip, change from cycle to cycle, and penalties for hardly walking."""
-    measured = walked(stage, run, gait, steps)
+    measured = measure_walk(stage, run, gait, steps)
     slip = 1e3 * measured.slip.max(axis=1)
     return float(
         4.0 * slip.mean()
         + 2.0 * slip.max()
-        + 100.0 * measured.repeats.mean()
-        + 50.0 * measured.repeats.max()
+        + 100.0 * measured.cycle_changes.mean()
+        + 50.0 * measured.cycle_changes.max()
         + 2e3 * max(0.0, LIFT - measured.lift.min())
         + 2e2 * abs(measured.way - 2.0 * gait.stride)
-        + 100.0 * max(0.0, 0.15 - measured.carried)
+        + 100.0 * max(0.0, 0.15 - measured.weight_share)
         + 50.0 * max(0.0, 0.98 - measured.upright)
         + 0.3 * measured.tilt
     )
 
 
-def searched(
+def search_parameters(
     stage: fan.Marionette, first: MarionetteGait, share: float, seconds: float, seed: int
 ) -> fan.control.TuningResult:
     """Parameters of a walk of 20 steps, drawn around the first by this share of ``SPREADS``."""
@@ -194,7 +196,7 @@ def main() -> None:
     assert "friction: 0.8" in text
     stage = fan.loads(text.replace("friction: 0.8", f"friction: {options.friction:g}"))
     if options.search:
-        tuned = searched(stage, gait, options.share, options.search, options.seed)
+        tuned = search_parameters(stage, gait, options.share, options.search, options.seed)
         gait = replace(gait, **tuned.values)
         print(tuned.status.name, gait)
     x0 = stage.rest()
@@ -203,22 +205,22 @@ def main() -> None:
         began, method = time.perf_counter(), fan.TimeStepping(dt=dt)
         run = fan.simulate(stage, x0, inputs, end, method=method, save_every=round(2e-3 / dt))
         took = time.perf_counter() - began
-        print(f"steps of {1e3 * dt:g} ms: {walked(stage, run, gait, steps)}; {took:.1f} s")
+        print(f"steps of {1e3 * dt:g} ms: {measure_walk(stage, run, gait, steps)}; {took:.1f} s")
     if options.event:
         began = time.perf_counter()
-        run = by_events(stage, x0, inputs, gait, steps)
+        run = run_event_driven(stage, x0, inputs, gait, steps)
         took = time.perf_counter() - began
         done = run.status is fan.Status.DONE
-        result = str(walked(stage, run, gait, steps, 4)) if done else run.status.message
+        result = str(measure_walk(stage, run, gait, steps, 4)) if done else run.status.message
         print(
             f"event-driven, {len(run.events)} events, {run.t[-1] - run.t[0]:.3f} s: {result}; "
             f"{took:.0f} s"
         )
     if options.mujoco:
-        print(f"MuJoCo: {walked(stage, in_mujoco(stage, x0, inputs, end), gait, steps)}")
+        print(f"MuJoCo: {measure_walk(stage, run_in_mujoco(stage, x0, inputs, end), gait, steps)}")
 
 
-def by_events(
+def run_event_driven(
     stage: fan.Marionette, x0: fan.State, inputs: fan.Input, gait: MarionetteGait, steps: int
 ) -> fan.Trajectory:
     """The last four steps before the closing one, from the state reached by time steps."""
@@ -230,11 +232,11 @@ def by_events(
     return fan.simulate(stage, x, inputs, end, effort=False, throw=False)
 
 
-def in_mujoco(
+def run_in_mujoco(
     stage: fan.Marionette, x0: fan.State, inputs: fan.Input, end: float
 ) -> fan.Trajectory:
     """The run in MuJoCo with steps of 0.5 ms, elliptic cones and little creep."""
-    text = text_of(stage, None)
+    text = scene_mjcf(stage, None)
     text = text.replace("<option ", '<option impratio="100" cone="elliptic" ', 1)
     return mujoco_run(stage, x0, inputs, end, 5e-4, text)
 

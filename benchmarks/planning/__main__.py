@@ -7,7 +7,7 @@ import time
 from pathlib import Path
 
 from ..strings import ROOT
-from ..strings.report import Section, machine, wrapped
+from ..strings.report import Section, machine, wrap_paragraph
 from . import absorbed, own, peers
 from .marks import Mark, marks_table
 
@@ -26,7 +26,7 @@ def main() -> None:
     n_first, n_better, n_marionette = (20, 4, 2) if options.quick else (1000, 100, 10)
     measures = {
         "first plans": lambda: own.first_plans(n_first),
-        "boxes": lambda: own.boxes_matter(n_first),
+        "boxes": lambda: own.count_plans_through_boxes(n_first),
         "better plans": lambda: own.better_plans(n_better),
         "marionette": lambda: own.full_marionette(n_marionette),
         "feedback": lambda: absorbed.chapter(4 if options.quick else 40),
@@ -42,7 +42,7 @@ def main() -> None:
         print(f"{name}: after {time.perf_counter() - began:.0f} s", flush=True)
     parts = [
         "# Planning, measured",
-        wrapped(OPENING),
+        wrap_paragraph(OPENING),
         marks_table(marks).markdown(),
         machine(("numpy", "scipy")).markdown(),
         *(s.markdown() for s in sections),

@@ -29,14 +29,16 @@ def chapter(seeds: int) -> tuple[Section, list[Mark]]:
         ),
     ]
     for name in ("open loop, MuJoCo", "feedback, MuJoCo"):
-        within, clear = (feedback.half(rows, name, what) for what in ("within", "clear"))
+        within, clear = (
+            feedback.half_absorbed_kick(rows, name, what) for what in ("within", "clear")
+        )
         section.parts.append(
             f"{name}: half of the runs absorb a kick of {within:.2g} rad/s ({clear:.2g} rad/s "
             "touching nothing)."
         )
-    engines = {"fantoccini": events.in_fantoccini, "MuJoCo": events.in_mujoco}
+    engines = {"fantoccini": events.run_in_fantoccini, "MuJoCo": events.run_in_mujoco}
     slack = max(1, seeds // 5)
-    rows_slack = events.compared(events.slack_plans(slack), 6, events.SIZES[1:], engines)
+    rows_slack = events.compare_laws(events.slack_plans(slack), 6, events.SIZES[1:], engines)
     bell, taken = events.bell(6)
     section.parts += [
         f"The next table is for strings that go slack: {slack} such plans, improved for time "

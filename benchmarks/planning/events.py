@@ -25,7 +25,7 @@ from fantoccini.control.problems import Problem
 from fantoccini.motion import State
 
 from ..strings.report import Table
-from .feedback import follow, kicked
+from .feedback import follow, kicked_start
 
 SIZES = (0.25, 0.5, 1.0)
 """Sizes of kicks: norms of changes of all joint velocities at the start [rad/s]."""
@@ -87,17 +87,17 @@ HEAD = [
 ]
 
 
-def in_fantoccini(law: Feedback, x0: State, closed: bool) -> float:
+def run_in_fantoccini(law: Feedback, x0: State, closed: bool) -> float:
     """The final distance."""
     return law.run(x0, closed=closed).distance
 
 
-def in_mujoco(law: Feedback, x0: State, closed: bool) -> float:
+def run_in_mujoco(law: Feedback, x0: State, closed: bool) -> float:
     """The final distance; infinite if the run diverges."""
     return float(np.nan_to_num(follow(law, x0, closed).distance, nan=np.inf))
 
 
-def compared(
+def compare_laws(
     plans: Sequence[PlanResult], kicks: int, sizes: Sequence[float], engines: dict[str, Run]
 ) -> list[Row]:
     """Kicked runs of plans, the same kicks for every law and engine.
@@ -114,7 +114,7 @@ def compared(
         random, distances = np.random.default_rng(1), []
         for by_time, by_event in laws:
             for _ in range(kicks):
-                x0 = kicked(by_time.plan.problem, size, random)
+                x0 = kicked_start(by_time.plan.problem, size, random)
                 ways = (by_time, False), (by_time, True), (by_event, True)
                 distances.append([run(law, x0, closed) for law, closed in ways])
         columns = np.transpose(distances)
@@ -126,7 +126,7 @@ def compared(
 
 def slack_plans(n: int, seconds: float = 0.5) -> list[PlanResult]:
     """Plans on which the string goes slack, from the first seeds with such plans."""
-    problem, plans = slackened(fan.control.load_problem("arm3d_boxes")), []
+    problem, plans = with_slack_allowed(fan.control.load_problem("arm3d_boxes")), []
     for seed in itertools.count():
         plan = solve(problem, seed=seed, improve=seconds, objective="time")
         if plan and not np.all(plan.feedback(window=0).active_sets):
@@ -135,7 +135,7 @@ def slack_plans(n: int, seconds: float = 0.5) -> list[PlanResult]:
             return plans
 
 
-def slackened(problem: Problem) -> Problem:
+def with_slack_allowed(problem: Problem) -> Problem:
     """The problem with strings that may go slack."""
     rollouts = problem.rollouts
     names = problem.marionette.coordinates.v_K
@@ -160,7 +160,7 @@ def bell(kicks: int) -> tuple[list[Row], float]:
     began = time.perf_counter()
     plan.feedback()
     taken = time.perf_counter() - began
-    return compared([plan], kicks, BELL_SIZES, {"fantoccini": in_fantoccini}), taken
+    return compare_laws([plan], kicks, BELL_SIZES, {"fantoccini": run_in_fantoccini}), taken
 
 
 def main() -> None:
@@ -171,8 +171,8 @@ def main() -> None:
     parser.add_argument("--marionette", type=int, default=6, help="kicks of each size; 0: none")
     arguments = parser.parse_args()
     if arguments.plans:
-        engines = {"fantoccini": in_fantoccini, "MuJoCo": in_mujoco}
-        rows = compared(slack_plans(arguments.plans), arguments.kicks, SIZES, engines)
+        engines = {"fantoccini": run_in_fantoccini, "MuJoCo": run_in_mujoco}
+        rows = compare_laws(slack_plans(arguments.plans), arguments.kicks, SIZES, engines)
         print(Table(HEAD, [row.cells() for row in rows]).markdown())
     if arguments.marionette:
         rows, taken = bell(arguments.marionette)

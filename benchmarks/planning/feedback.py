@@ -74,14 +74,16 @@ def measure(problem: Problem, seeds: Iterable[int], improve: float = 0.5) -> lis
         for size in KICKS:
             random = np.random.default_rng(0)
             starts = [
-                (law, kicked(problem, size, random)) for law in kicked_laws for _ in range(OF_EACH)
+                (law, kicked_start(problem, size, random))
+                for law in kicked_laws
+                for _ in range(OF_EACH)
             ]
             followed = [follow(law, x0, closed) for law, x0 in starts]
             rows.append(Row.of(f"{name}, kicked by {size:g} rad/s", followed, problem.tolerance))
     return rows
 
 
-def half(rows: Sequence[Row], name: str, what: str) -> float:
+def half_absorbed_kick(rows: Sequence[Row], name: str, what: str) -> float:
     """The size of kick that half of the runs absorb, interpolated between tested ones [rad/s].
 
     Args:
@@ -100,7 +102,7 @@ def half(rows: Sequence[Row], name: str, what: str) -> float:
     return float(np.exp(np.interp(-0.5, -falling, np.log(list(shares)))))
 
 
-def kicked(problem: Problem, size: float, random: np.random.Generator) -> State:
+def kicked_start(problem: Problem, size: float, random: np.random.Generator) -> State:
     """The start with other joint velocities that taut strings permit."""
     x = problem.start
     kick = random.normal(size=len(x.v_D))
@@ -115,13 +117,13 @@ def follow(law: Feedback, x0: State, closed: bool) -> ClosedLoopRollout:
     for k, n_checks in enumerate(law.n_checks):
         commanded.append(law.acceleration(k, states[-1]) if closed else law.planned_acceleration[k])
         for _ in range(n_checks):
-            states.append(advanced(puppet, states[-1], interval, commanded[-1]))
+            states.append(advance_state(puppet, states[-1], interval, commanded[-1]))
     whole = np.all(np.isfinite(np.concatenate([states[-1].q_D, states[-1].v_D])))
     status = Status.DONE if whole else Status.NOT_FINITE
     return ClosedLoopRollout.from_states(problem, states, np.array(commanded), status)
 
 
-def advanced(puppet: MuJoCoPuppet, x: State, duration: float, acc_K: Array) -> State:
+def advance_state(puppet: MuJoCoPuppet, x: State, duration: float, acc_K: Array) -> State:
     """State of a puppet after constant accelerations of its driven coordinates.
 
     Args:
@@ -156,7 +158,7 @@ def main() -> None:
     rows = measure(problem, range(arguments.seeds), arguments.improve)
     print(*rows, sep="\n")
     for name in ("open loop, MuJoCo", "feedback, MuJoCo"):
-        within, clear = (half(rows, name, what) for what in ("within", "clear"))
+        within, clear = (half_absorbed_kick(rows, name, what) for what in ("within", "clear"))
         print(f"{name}: half absorb {within:.2g} rad/s, {clear:.2g} touching nothing")
 
 

@@ -51,6 +51,6 @@ def spread(values: Sequence[float], factor: float = 1.0) -> list[str]:
     return [f"{x:.3g}" for x in parts]
 
 
-def share(hits: Sequence[bool]) -> float:
+def percentage(hits: Sequence[bool]) -> float:
     """Share of true values [%]."""
     return 100.0 * float(np.mean(np.asarray(hits, dtype=bool)))

@@ -25,7 +25,7 @@ from fantoccini.control.tasks import RolloutOptions, StateArrays
 from fantoccini.dynamics.mujoco import MuJoCoPuppet
 from fantoccini.motion import State
 
-from .feedback import OF_EACH, STEP, advanced, follow, kicked
+from .feedback import OF_EACH, STEP, advance_state, follow, kicked_start
 
 INTERVAL = 0.02
 """Interval of MPC [s]."""
@@ -37,7 +37,7 @@ LATER = 1.0
 """Delay of the second evaluation after a plan's end [s]."""
 
 
-def task_along(law: Feedback) -> fan.Task:
+def following_task(law: Feedback) -> fan.Task:
     """The task of following a plan within its bounds, with the largest weight on the end."""
     plan, marionette = law.plan, law.plan.problem.marionette
     run, table, bounds = plan.trajectory, marionette.coordinates, plan.problem.bounds
@@ -61,8 +61,8 @@ def task_along(law: Feedback) -> fan.Task:
     # A kick costs time that the plan does not have: arrival counts more than the path.
     end = t[-1] - 0.5 * INTERVAL
     tracks = [
-        *(weighed(track, AT_END, start=end) for track in tracks if track.kind != "coordinate"),
-        *(weighed(track, ALONG) for track in tracks),
+        *(scaled_track(track, AT_END, start=end) for track in tracks if track.kind != "coordinate"),
+        *(scaled_track(track, ALONG) for track in tracks),
     ]
     bound = dict(zip(table.v_K, bounds.acceleration, strict=True))
     fastest = dict(zip(table.v_K, bounds.speed, strict=True))
@@ -80,7 +80,7 @@ def task_along(law: Feedback) -> fan.Task:
     return fan.Task(marionette, plan.start, HORIZON, tracks, smooth, limits, interval=INTERVAL)
 
 
-def weighed(track: fan.control.Track, by: float, **more: float) -> fan.control.Track:
+def scaled_track(track: fan.control.Track, by: float, **more: float) -> fan.control.Track:
     """A track with scaled weights."""
     weights = {"weight": by * track.weight, "end_weight": by * track.end_weight}
     return replace(track, **weights, **more)
@@ -109,26 +109,26 @@ def follow_and_stop(law: Feedback, x0: State, closed: bool) -> Run:
     puppet.put(x.q_D, x.v_D)
     bound = problem.bounds.acceleration
     for _ in range(round(LATER / INTERVAL)):
-        x = advanced(puppet, x, INTERVAL, np.clip(-x.v_K / INTERVAL, -bound, bound))
+        x = advance_state(puppet, x, INTERVAL, np.clip(-x.v_K / INTERVAL, -bound, bound))
     return Run(followed, float(problem.goal.distance(StateArrays.of(x))[0]))
 
 
 def follow_mpc(law: Feedback, x0: State) -> Run:
     """A plan in MuJoCo under MPC, without latency."""
     problem, interval = law.plan.problem, law.plan.rollouts.options.interval
-    mpc = fan.MPC(problem.marionette, task_along(law), HORIZON, round(HORIZON / INTERVAL))
+    mpc = fan.MPC(problem.marionette, following_task(law), HORIZON, round(HORIZON / INTERVAL))
     puppet, states, commanded, x = MuJoCoPuppet(problem.marionette, STEP), [x0], [], x0
     puppet.put(x0.q_D, x0.v_D)
     end = x0.t + interval * int(np.sum(law.n_checks))
     while x.t < end - 1e-9:
         commanded.append(mpc.step(x))
-        x = advanced(puppet, x, min(INTERVAL, end - x.t), commanded[-1])
+        x = advance_state(puppet, x, min(INTERVAL, end - x.t), commanded[-1])
         states.append(x)
     whole = np.all(np.isfinite(np.concatenate([x.q_D, x.v_D])))
     status = Status.DONE if whole else Status.NOT_FINITE
     followed = ClosedLoopRollout.from_states(problem, states, np.array(commanded), status)
     for _ in range(round(LATER / INTERVAL)):
-        x = advanced(puppet, x, INTERVAL, mpc.step(x))
+        x = advance_state(puppet, x, INTERVAL, mpc.step(x))
     return Run(followed, float(problem.goal.distance(StateArrays.of(x))[0]), mpc.latency)
 
 
@@ -153,7 +153,7 @@ def main() -> None:
     laws = [plan.feedback() for plan in plans if plan]
     random = np.random.default_rng(arguments.seed)
     starts = [
-        (law, kicked(problem, arguments.kick, random)) for law in laws for _ in range(OF_EACH)
+        (law, kicked_start(problem, arguments.kick, random)) for law in laws for _ in range(OF_EACH)
     ]
     ways = {
         "open loop": [attempt(follow_and_stop, law, x0, False) for law, x0 in starts],

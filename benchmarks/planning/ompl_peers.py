@@ -159,7 +159,7 @@ def solve(problem: Problem, planner: str, propagator: str, seed: int, time_limit
     return Outcome(planner, propagator, seed, has_plan, seconds, left, duration)
 
 
-def easier(problem: Problem) -> Problem:
+def easier_problem(problem: Problem) -> Problem:
     """The problem without obstacles, with strings that may go slack and twice the tolerance."""
     bounds = problem.rollouts.bounds
     names = problem.marionette.coordinates.v_K
@@ -201,7 +201,7 @@ def main() -> None:
         return
     changed = {} if options.tolerance is None else {"tolerance": options.tolerance}
     problem = fan.control.load_problem(options.problem, **changed)
-    problem = easier(problem) if options.easy else problem
+    problem = easier_problem(problem) if options.easy else problem
     arguments = options.planner, options.propagator, options.first, options.time_limit
     print(json.dumps(asdict(solve(problem, *arguments))), flush=True)
 

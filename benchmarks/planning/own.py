@@ -11,15 +11,15 @@ import numpy as np
 import fantoccini as fan
 
 from ..strings.report import Section, Table
-from .marks import Mark, share, spread
+from .marks import Mark, percentage, spread
 
 RTOL = 1e-10
 """Tolerance of the event-driven runs that confirm plans."""
 
-ASKED = {0.25: (10.0, 150.0, 100.0), 0.1: (50.0, 1000.0, 99.0)}
+TARGETS = {0.25: (10.0, 150.0, 100.0), 0.1: (50.0, 1000.0, 99.0)}
 """Tolerance -> targets: median [ms], 99 % [ms], found within a second [%]."""
 
-CURVE = (0.0, 0.02, 0.05, 0.1, 0.15)
+CURVE_TIMES = (0.0, 0.02, 0.05, 0.1, 0.15)
 """Durations of the improvement at which the best plan is recorded [s]."""
 
 
@@ -39,8 +39,8 @@ def first_plans(seeds: int) -> tuple[Section, list[Mark]]:
         "the search alone, which is the time for another seed of the same problem, and of the "
         "search without its event-driven confirmation."
     )
-    rows, held, marks = [], [], []
-    for tolerance, (median, quantile, found_share) in ASKED.items():
+    rows, confirmation_rows, marks = [], [], []
+    for tolerance, (median, quantile, found_share) in TARGETS.items():
         read = fan.control.load_problem("arm3d_boxes", tolerance=tolerance)
         obstacles = read.rollouts.clearance.obstacles
 
@@ -57,30 +57,35 @@ def first_plans(seeds: int) -> tuple[Section, list[Mark]]:
                 slack=False,
             )
 
-        whole, alone, unsure, plans = [], [], [], []
+        total_times, search_times, unconfirmed_times, plans = [], [], [], []
         for seed in range(seeds):
             prepared, problem = timed(make)
             searched, plan = timed(lambda seed=seed, p=problem: fan.control.solve(p, seed=seed))
-            whole.append(prepared + searched)
-            alone.append(searched)
-            unsure.append(
+            total_times.append(prepared + searched)
+            search_times.append(searched)
+            unconfirmed_times.append(
                 timed(lambda s=seed, p=problem: fan.control.solve(p, seed=s, confirm=False))[0]
             )
             plans.append(plan)
-        there = [bool(p) and t <= 1.0 for p, t in zip(plans, whole, strict=True)]
+        found_in_time = [bool(p) and t <= 1.0 for p, t in zip(plans, total_times, strict=True)]
         rows += [
-            [f"{tolerance:g}", "everything", *spread(whole, 1e3), f"{sum(there)} of {seeds}"],
-            [f"{tolerance:g}", "search", *spread(alone, 1e3), ""],
-            [f"{tolerance:g}", "search, not confirmed", *spread(unsure, 1e3), ""],
+            [
+                f"{tolerance:g}",
+                "everything",
+                *spread(total_times, 1e3),
+                f"{sum(found_in_time)} of {seeds}",
+            ],
+            [f"{tolerance:g}", "search", *spread(search_times, 1e3), ""],
+            [f"{tolerance:g}", "search, not confirmed", *spread(unconfirmed_times, 1e3), ""],
         ]
         events = [p.verify(method=fan.Event(rtol=RTOL, atol=RTOL)) for p in plans]
         halved = [p.verify() for p in plans]
         replayed = [bool(p) and p.replay() for p in plans]
-        held.append(
+        confirmation_rows.append(
             [
                 f"{tolerance:g}",
                 *(
-                    f"{share(x):.1f} %"
+                    f"{percentage(x):.1f} %"
                     for x in (replayed, [c.arrives for c in events], [c.arrives for c in halved])
                 ),
                 f"{np.median([c.deviation for c in events]):.2g}",
@@ -89,12 +94,23 @@ def first_plans(seeds: int) -> tuple[Section, list[Mark]]:
         )
         name = f"tolerance {tolerance:g}: "
         marks += [
-            Mark(name + "plan within 1 s", share(there), found_share, "%", True),
-            Mark(name + "median, everything", 1e3 * float(np.median(whole)), median, "ms"),
-            Mark(name + "median, search", 1e3 * float(np.median(alone)), median, "ms"),
-            Mark(name + "99 %, everything", 1e3 * float(np.quantile(whole, 0.99)), quantile, "ms"),
-            Mark(name + "replay to the last bit", share(replayed), 100.0, "%", True),
-            Mark(name + "arrive event-driven", share([c.arrives for c in events]), 95.0, "%", True),
+            Mark(name + "plan within 1 s", percentage(found_in_time), found_share, "%", True),
+            Mark(name + "median, everything", 1e3 * float(np.median(total_times)), median, "ms"),
+            Mark(name + "median, search", 1e3 * float(np.median(search_times)), median, "ms"),
+            Mark(
+                name + "99 %, everything",
+                1e3 * float(np.quantile(total_times, 0.99)),
+                quantile,
+                "ms",
+            ),
+            Mark(name + "replay to the last bit", percentage(replayed), 100.0, "%", True),
+            Mark(
+                name + "arrive event-driven",
+                percentage([c.arrives for c in events]),
+                95.0,
+                "%",
+                True,
+            ),
         ]
     section.parts.append(
         Table(["tolerance", "of", "median", "90 %", "99 %", "greatest", "found"], rows)
@@ -106,12 +122,15 @@ def first_plans(seeds: int) -> tuple[Section, list[Mark]]:
         "event-driven run (median over all plans)."
     )
     section.parts.append(
-        Table(["tolerance", "replay", "event-driven", "half step", "gap", "duration"], held)
+        Table(
+            ["tolerance", "replay", "event-driven", "half step", "gap", "duration"],
+            confirmation_rows,
+        )
     )
     return section, marks
 
 
-def boxes_matter(seeds: int) -> tuple[Section, list[Mark]]:
+def count_plans_through_boxes(seeds: int) -> tuple[Section, list[Mark]]:
     """Number of first plans without the boxes that pass through their places."""
     read = fan.control.load_problem("arm3d_boxes")
     free = fan.control.Problem(read.marionette, read.start, read.goal, tolerance=0.25, slack=False)
@@ -125,7 +144,9 @@ def boxes_matter(seeds: int) -> tuple[Section, list[Mark]]:
         f"Of {seeds} first plans without the boxes, {sum(through)} pass through the positions of "
         "the boxes."
     )
-    return section, [Mark("pass through the boxes' positions", share(through), 90.0, "%", True)]
+    return section, [
+        Mark("pass through the boxes' positions", percentage(through), 90.0, "%", True)
+    ]
 
 
 def better_plans(seeds: int) -> tuple[Section, list[Mark]]:
@@ -136,12 +157,12 @@ def better_plans(seeds: int) -> tuple[Section, list[Mark]]:
     ratios = [p.duration / p.curve[0][2] for p in plans]
     near = [p.distance <= 1e-3 for p in plans]
     active = [float(np.min(_tensions(p))) >= 0.0 for p in plans]
-    held = [not _slackens(p) for p in plans]
+    held = [not _has_slackening(p) for p in plans]
     rough = [_roughness(p) for p in plans]
     peers = [p.verify(backend="mujoco").arrives for p in plans]
     events = [p.verify(method=fan.Event(rtol=RTOL, atol=RTOL)) for p in plans]
     curve = []
-    for seconds in CURVE:
+    for seconds in CURVE_TIMES:
         best = [
             min(t for s, _, t in p.curve if s <= p.curve[0][0] + seconds + 1e-9) / p.curve[0][2]
             for p in plans
@@ -156,9 +177,10 @@ def better_plans(seeds: int) -> tuple[Section, list[Mark]]:
         f"{np.median([p.duration for p in plans]):.2f} s (first: "
         f"{np.median([p.curve[0][2] for p in plans]):.2f} s) and ends "
         f"{np.median([p.distance for p in plans]):.1e} from the goal (medians); "
-        f"{share([c.arrives for c in events]):.0f} % arrive event-driven, at "
-        f"{np.median([c.distance for c in events]):.2g}, and {share(peers):.0f} % in MuJoCo, open "
-        f"loop. The string never goes slack on {share(held):.0f} % of them; the sum of squared "
+        f"{percentage([c.arrives for c in events]):.0f} % arrive event-driven, at "
+        f"{np.median([c.distance for c in events]):.2g}, and {percentage(peers):.0f} % in MuJoCo, "
+        f"open loop. The string never goes slack on {percentage(held):.0f} % of them; the sum of "
+        "squared "
         f"changes of acceleration is {np.median(rough):.3g} m^2/s^4 (median; a first plan's: "
         f"{np.median(_first_roughness(problem, seeds)):.3g}). The string alone needs 1.92 s: it "
         "is wound in by 0.837 m at 0.5 m/s, and 0.25 s are for accelerating and braking at 2 "
@@ -166,14 +188,14 @@ def better_plans(seeds: int) -> tuple[Section, list[Mark]]:
     ]
     seconds = [p.seconds for p in plans]
     return section, [
-        Mark("improved: end within 1e-3 of the goal", share(near), 100.0, "%", True),
+        Mark("improved: end within 1e-3 of the goal", percentage(near), 100.0, "%", True),
         Mark("improved: median duration relative to the first plan's", np.median(ratios), 0.6, ""),
-        Mark("improved: tensions at least 0", share(active), 100.0, "%", True),
+        Mark("improved: tensions at least 0", percentage(active), 100.0, "%", True),
         Mark("improved: median total time", float(np.median(seconds)), 1.0, "s"),
     ]
 
 
-def _slackens(plan: fan.control.PlanResult) -> bool:
+def _has_slackening(plan: fan.control.PlanResult) -> bool:
     """Whether a taut string goes slack on the way."""
     return bool(np.any(np.diff((_tensions(plan) > 0.0).astype(int), axis=0) < 0))
 
@@ -233,6 +255,6 @@ def full_marionette(seeds: int) -> tuple[Section, list[Mark]]:
         ),
     ]
     return section, [
-        Mark("marionette: verified", share(verified), 100.0, "%", True),
+        Mark("marionette: verified", percentage(verified), 100.0, "%", True),
         Mark("marionette: median, everything", float(np.median(whole)), 20.0, "s"),
     ]

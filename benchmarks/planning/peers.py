@@ -12,7 +12,7 @@ import fantoccini as fan
 
 from ..strings import ROOT
 from ..strings.report import Section, Table
-from .ompl_peers import LOOKS, PLANNERS, easier
+from .ompl_peers import LOOKS, PLANNERS, easier_problem
 from .propagators import PROPAGATORS
 
 MISSING = 3
@@ -30,7 +30,10 @@ def section(seeds: int, limit: float) -> Section:
         limit: time limit of a search [s].
     """
     problem = fan.control.load_problem("arm3d_boxes")
-    whole, easy = _rows(problem, seeds, limit, []), _rows(easier(problem), seeds, limit, ["--easy"])
+    whole, easy = (
+        _rows(problem, seeds, limit, []),
+        _rows(easier_problem(problem), seeds, limit, ["--easy"]),
+    )
     if not whole or not easy:
         return Section("Compared with OMPL", ["OMPL was not installed."])
     text = (

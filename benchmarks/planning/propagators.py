@@ -49,7 +49,7 @@ class Layout:
         return StateArrays(q_D, v_D, self.slip, q_K, v_K)
 
 
-class Own(RolloutPool):
+class OwnPropagator(RolloutPool):
     """Our time-stepper, which checks clearance, bounds and strings in the same call."""
 
     def __init__(self, problem: Problem, layout: Layout):
@@ -100,7 +100,7 @@ class Own(RolloutPool):
         return bool(np.isfinite(row[0]))
 
 
-class MuJoCo:
+class MuJoCoPropagator:
     """The same puppet in MuJoCo, by Euler's method with steps of the same length.
 
     It is not reset when it diverges: states that are not finite do not count as clear.
@@ -176,5 +176,5 @@ class _OneClearance:
         return float(self._found[0])
 
 
-PROPAGATORS: dict[str, type] = {"own": Own, "mujoco": MuJoCo}
+PROPAGATORS: dict[str, type] = {"own": OwnPropagator, "mujoco": MuJoCoPropagator}
 """Propagators by name."""

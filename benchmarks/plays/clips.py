@@ -36,7 +36,7 @@ acts:
 WALK = "      - {who: pierrot, walks to: [0.3, 0.2], facing: left}\n"
 
 
-def measured(path: Path, folder: Path, walks: bool) -> str:
+def measured_row(path: Path, folder: Path, walks: bool) -> str:
     """A row of the table."""
     (folder / path.name).write_bytes(path.read_bytes())
     cue = f"      - {{who: pierrot, does: {path.name}}}\n"
@@ -91,7 +91,7 @@ def main() -> None:
         print(f"| clip | length | compiled in | {' | '.join(PART_GROUPS)} | faults |")
         for path in paths:
             if not arguments.clips or path.stem in arguments.clips:
-                print(measured(path, folder, arguments.after_walk), flush=True)
+                print(measured_row(path, folder, arguments.after_walk), flush=True)
 
 
 if __name__ == "__main__":

@@ -69,7 +69,7 @@ def random_score(seed: int) -> dict[str, Any]:
     }
 
 
-def of_score(path: Path) -> dict[str, Array]:
+def score_data(path: Path) -> dict[str, Array]:
     """Arrays and texts of a compiled score, or its mistakes."""
     try:
         score = fan.load_score(fan.puppets.marionette(), path)
@@ -85,7 +85,7 @@ def of_score(path: Path) -> dict[str, Array]:
     }
 
 
-def of_play(path: str | Path) -> dict[str, Array]:
+def play_data(path: str | Path) -> dict[str, Array]:
     """Arrays and texts of a play after its first round."""
     play = fan.load_play(path, within=0.0)
     arrays: dict[str, Array] = {
@@ -97,24 +97,24 @@ def of_play(path: str | Path) -> dict[str, Array]:
     return arrays
 
 
-def compiled(folder: Path, scores: int, plays: int) -> Iterator[tuple[str, dict[str, Array]]]:
+def compile_all(folder: Path, scores: int, plays: int) -> Iterator[tuple[str, dict[str, Array]]]:
     """Names and arrays of random scores, of random plays and of the bundled plays."""
     for seed in range(scores):
-        yield f"score {seed}", of_score(written(folder, random_score(seed)))
+        yield f"score {seed}", score_data(write_file(folder, random_score(seed)))
     for seed in range(plays):
-        yield f"play {seed}", of_play(written(folder, random_play(seed)))
+        yield f"play {seed}", play_data(write_file(folder, random_play(seed)))
     for name in play_names():
-        yield name, of_play(name)
+        yield name, play_data(name)
 
 
-def written(folder: Path, data: dict[str, Any]) -> Path:
+def write_file(folder: Path, data: dict[str, Any]) -> Path:
     """The file of a score or a play."""
     path = folder / "given.yaml"
     YAML().dump(data, path)
     return path
 
 
-def difference(old: Array | None, new: Array | None) -> str:
+def difference_text(old: Array | None, new: Array | None) -> str:
     """Text on a difference beyond the tolerance; empty if the inputs agree."""
     if old is None or new is None:
         return "is in only one file"
@@ -139,11 +139,11 @@ def main() -> int:
             before = {key: saved[key] for key in saved.files}
     after, differ = dict[str, Array](), 0
     with tempfile.TemporaryDirectory() as folder:
-        for name, arrays in compiled(Path(folder), arguments.scores, arguments.plays):
+        for name, arrays in compile_all(Path(folder), arguments.scores, arguments.plays):
             own = {f"{name} {key}": value for key, value in arrays.items()}
             after |= own
             old = {key: x for key, x in before.items() if key.startswith(f"{name} ")}
-            faults = {key: difference(old.get(key), own.get(key)) for key in old | own}
+            faults = {key: difference_text(old.get(key), own.get(key)) for key in old | own}
             wrong = [f"{key}: {fault}" for key, fault in faults.items() if fault]
             same = sum(np.array_equal(old[key], own[key]) for key in old.keys() & own.keys())
             differ += bool(before and wrong)

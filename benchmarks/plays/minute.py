@@ -28,17 +28,17 @@ def main() -> None:
         path = Path(folder) / arguments.play.name
         path.write_text(text)
         fan.load_play(path)  # compiles the library of the stage, once
-        play = _measured("from nothing", path)
+        play = _print_times("from nothing", path)
         if arguments.change[0] not in text:
             raise SystemExit(f"{arguments.play} has no {arguments.change[0]!r}")
         path.write_text(text.replace(*arguments.change, 1))
-        again = _measured("one gesture changed", path, play)
+        again = _print_times("one gesture changed", path, play)
         anew = fan.load_play(path)
         same = (again.score.gesture.coef == anew.score.gesture.coef).all()
         print(f"the changed play is {'' if same else 'not '}the one compiled from nothing")
 
 
-def _measured(what: str, path: Path, before: fan.theatre.Play | None = None) -> fan.theatre.Play:
+def _print_times(what: str, path: Path, before: fan.theatre.Play | None = None) -> fan.theatre.Play:
     begun = time.perf_counter()
     play = fan.load_play(path, before=before)
     compiled = time.perf_counter()

@@ -73,7 +73,7 @@ class Pushes:
             if self.kind == "slip":
                 hands = [handle.name for handle in live.handles if handle.name.startswith(own)]
                 hand = str(rng.choice(hands))
-                self.jobs += slip(live, hand, SLIP * way, float(t))
+                self.jobs += slip_hand(live, hand, SLIP * way, float(t))
             else:
                 bodies = [own + "torso", own + "skull"]
                 force = GIVEN * players[who].marionette.weight / 9.81 / SLIP_TIME * way
@@ -85,7 +85,7 @@ class Pushes:
             self.jobs.pop(0)[1]()
 
 
-def slip(live: fan.Performance, hand: str, way: np.ndarray, t: float):
+def slip_hand(live: fan.Performance, hand: str, way: np.ndarray, t: float):
     def jerk() -> None:
         live.move(hand, live.target(hand)[0] + way)
 
@@ -99,7 +99,7 @@ def impulse(live: fan.Performance, body: str, force: np.ndarray, t: float):
     return [(t, lambda: live.push(body, force)), (t + SLIP_TIME, lambda: live.push(body, None))]
 
 
-def performed(play: fan.theatre.Play, steady: bool, pushes: Pushes | None = None) -> Run:
+def perform_show(play: fan.theatre.Play, steady: bool, pushes: Pushes | None = None) -> Run:
     """A show from GO to its end; GO is given whenever it waits."""
     show = fan.theatre.LivePlay(play)
     if not steady:
@@ -122,7 +122,7 @@ def performed(play: fan.theatre.Play, steady: bool, pushes: Pushes | None = None
     return Run(clock, CubicSpline(clock, q_D), CubicSpline(clock, q_K))
 
 
-def turns(play: fan.theatre.Play, run: Run) -> dict[tuple[int, str, str, str], float]:
+def lateness_of_limbs(play: fan.theatre.Play, run: Run) -> dict[tuple[int, str, str, str], float]:
     """Lateness of limbs by (cue, player, mark, string) [s]."""
     parts = {id(cue): part for cue, part in zip(play.score.cues, play.parts, strict=True)}
     return {
@@ -131,7 +131,7 @@ def turns(play: fan.theatre.Play, run: Run) -> dict[tuple[int, str, str, str], f
     }
 
 
-def distance(play: fan.theatre.Play, run: Run, still: Run, cue: CueOfPlay) -> float:
+def largest_distance(play: fan.theatre.Play, run: Run, still: Run, cue: CueOfPlay) -> float:
     """Largest distance of a body of the cue's players from its place in the other run [m]."""
     largest, links = 0.0, play.marionette.tree.links
     for who in cue.who:
@@ -151,14 +151,14 @@ def main() -> None:
     print(play)
     for steady in (True, False):
         print(f"hands {'shift' if steady else 'do not shift'} against swing")
-        still = performed(play, steady)
-        usual = turns(play, still)
-        settling(play, steady)
+        still = perform_show(play, steady)
+        usual = lateness_of_limbs(play, still)
+        print_settling_times(play, steady)
         for kind in ("slip", "impulse"):
-            count(play, still, usual, kind, seeds, steady)
+            print_counts(play, still, usual, kind, seeds, steady)
 
 
-def settling(play: fan.theatre.Play, steady: bool, seeds: int = 6) -> None:
+def print_settling_times(play: fan.theatre.Play, steady: bool, seeds: int = 6) -> None:
     """Prints the time for which a player's centre of mass is off by 1 cm after an impulse."""
     members, durations = PlayerBodies(play), []
     for seed in range(seeds):
@@ -186,18 +186,18 @@ def settling(play: fan.theatre.Play, steady: bool, seeds: int = 6) -> None:
     print(f"off by 1 cm after an impulse on a trunk: median {np.median(durations):.2f} s of 8 s")
 
 
-def count(play, still: Run, usual, kind: str, seeds: int, steady: bool) -> None:
+def print_counts(play, still: Run, usual, kind: str, seeds: int, steady: bool) -> None:
     began, rows = time.perf_counter(), []
     for seed in range(seeds):
         pushes = Pushes(kind, seed)
-        run = performed(play, steady, pushes)
-        now = turns(play, run)
+        run = perform_show(play, steady, pushes)
+        now = lateness_of_limbs(play, run)
         for cue in play.cues:
             if cue.refused:
                 continue
             late = max((abs(now[k] - usual[k]) for k in now if k[0] == cue.number), default=0.0)
             hit = any(cue.start <= t <= cue.end and who in cue.who for t, who in pushes.whom)
-            rows.append((late, distance(play, run, still, cue), hit))
+            rows.append((late, largest_distance(play, run, still, cue), hit))
     late, off, hit = (np.array(column) for column in zip(*rows, strict=True))
     print(f"{kind}: {seeds} runs of {PUSHES}, {time.perf_counter() - began:.0f} s")
     for which, of in (("all cues", np.ones(len(hit), dtype=bool)), ("cues that are hit", hit)):

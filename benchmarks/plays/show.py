@@ -22,7 +22,7 @@ from tests.perform.short_play import PLAY
 from tests.show.browser import until
 
 import fantoccini as fan
-from fantoccini.app.web.page import open_show
+from fantoccini.app.web.page import open_live_play
 from fantoccini.theatre.perform.osc import Address
 
 TRIES = 20
@@ -58,7 +58,7 @@ def measure(play: fan.theatre.Play, folder: Path) -> None:
         )
     )
     moved, ticks, latencies, whole = [], [], [], []
-    with open_show(
+    with open_live_play(
         show, "light", "127.0.0.1", 0, folder, Address("127.0.0.1", 0), Address(*ears.getsockname())
     ) as page:
         assert page.osc is not None

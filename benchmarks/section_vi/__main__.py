@@ -11,7 +11,7 @@ from benchmarks.section_vi.measure import measure
 from benchmarks.section_vi.page import page
 from benchmarks.section_vi.report import SectionReport
 from benchmarks.string_model.report import chain_table
-from benchmarks.strings.report import machine, wrapped
+from benchmarks.strings.report import machine, wrap_paragraph
 
 import fantoccini as fan
 from fantoccini import puppets
@@ -22,7 +22,7 @@ PICTURED = "marionette"
 BOOM = Path(__file__).with_name("boom.yaml")
 
 
-def measured() -> list[SectionReport]:
+def measure_all() -> list[SectionReport]:
     """The reports of the bundled puppets and of the boom."""
     reports = []
     for puppet in [*(getattr(puppets, name)() for name in BUNDLED), fan.load(BOOM)]:
@@ -34,11 +34,11 @@ def measured() -> list[SectionReport]:
 
 def write_page() -> None:
     """Writes docs/reduction.md and its pictures."""
-    reports, pictures = measured(), ROOT / "docs" / "pictures"
+    reports, pictures = measure_all(), ROOT / "docs" / "pictures"
     drawn = next(r for r in reports if r.name == PICTURED)
     plots.draw(drawn, pictures, "reduction_", ("Exact tracking", "Catches", "A string with mass"))
     text = page(reports, chain_table(), machine().markdown())
-    parts = (p if p[:1] in "|#!`- " else wrapped(p) for p in text.split("\n\n") if p.strip())
+    parts = (p if p[:1] in "|#!`- " else wrap_paragraph(p) for p in text.split("\n\n") if p.strip())
     (ROOT / "docs" / "reduction.md").write_text("\n\n".join(parts) + "\n", encoding="utf-8")
 
 

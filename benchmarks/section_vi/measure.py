@@ -14,7 +14,7 @@ from benchmarks.section_vi.mechanism import Mechanism
 from benchmarks.section_vi.plots import Measurements
 from benchmarks.section_vi.reference import Reference, simulate_reference, smooth_reference, toss
 from benchmarks.section_vi.report import SectionReport
-from benchmarks.section_vi.symbolic import symbolic
+from benchmarks.section_vi.symbolic import symbolic_blocks
 
 from fantoccini.base.errors import FantocciniError, StateError
 from fantoccini.base.progress import OnProgress, Progress
@@ -60,7 +60,7 @@ def measure(
         measured, on_file_drives = _measure(mechanism, marionette, reference, attempts)
     return SectionReport(
         reduction=reduction,
-        symbolic=symbolic(mechanism.mixed),
+        symbolic=symbolic_blocks(mechanism.mixed),
         mass=mechanism.mixed.mass,
         duration=reference.inputs.duration if reference else np.nan,
         first_impact=reference.first_impact if reference else np.nan,

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from benchmarks.section_vi.report import HOLDS, SectionReport
+from benchmarks.section_vi.report import VERDICT_WORDS, SectionReport
 from benchmarks.strings.report import Table, number
 
-SHORT = (
+SHORT_CLAIMS = (
     "M_DK = 0",
     "M_DD(q_D), M_KK(q_K)",
     "<Y, Y> in span, slack",
@@ -39,10 +39,13 @@ def page(reports: Sequence[SectionReport], chains: str, machine: str) -> str:
 def verdicts(reports: Sequence[SectionReport]) -> Table:
     """The table of the claims that hold."""
     rows = [
-        [r.name, *(HOLDS[c.holds].replace("fails", "**fails**") for c in r.reduction.claims)]
+        [
+            r.name,
+            *(VERDICT_WORDS[c.holds].replace("fails", "**fails**") for c in r.reduction.claims),
+        ]
         for r in reports
     ]
-    return Table(["puppet", *SHORT], rows)
+    return Table(["puppet", *SHORT_CLAIMS], rows)
 
 
 def figures(reports: Sequence[SectionReport]) -> Table:

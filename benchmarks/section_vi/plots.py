@@ -13,7 +13,7 @@ from benchmarks.section_vi.exact import Comparison, SharedCatch
 from benchmarks.section_vi.heavy_string import HeavyString
 
 from fantoccini.base.arrays import Array
-from fantoccini.output.view.curves import Curve, Panel, curves, slope
+from fantoccini.output.view.curves import Curve, Panel, draw_panels, power_law
 
 EXACT, CATCHES, BANDWIDTH, HEAVY_STRING = (
     "Exact tracking",
@@ -92,11 +92,11 @@ def draw(
             drawn = [
                 Curve(line.label, line.x, line.y, line.marked)
                 if line.order is None
-                else slope(line.label, line.x, line.y, line.order)
+                else power_law(line.label, line.x, line.y, line.order)
                 for line in chart.lines
             ]
             panels.append(Panel(chart.title, chart.x, chart.y, drawn, chart.log_x))
-        files.append(curves(panels, folder / (prefix + PICTURES[title])))
+        files.append(draw_panels(panels, folder / (prefix + PICTURES[title])))
     return files
 
 

@@ -20,7 +20,7 @@ from fantoccini.lab import ReductionReport
 
 PAGE = "reduction.md"
 STRUCTURE, FILE_DRIVES = "Structure", "The file's own drives"
-HOLDS = {True: "holds", False: "fails", None: "-"}
+VERDICT_WORDS = {True: "holds", False: "fails", None: "-"}
 """Whether a claim holds -> the word for it."""
 
 
@@ -46,7 +46,9 @@ class Table:
         cells.append(tuple("---:" if h.endswith(">") else "---" for h in self.header))
         cells += [tuple(c.replace("|", "\\|") for c in line) for line in self.lines]
         grid = "\n".join("| " + " | ".join(line) + " |" for line in cells)
-        return "\n\n".join(part for part in (f"## {self.title}", wrapped(self.text), grid) if part)
+        return "\n\n".join(
+            part for part in (f"## {self.title}", wrap_paragraph(self.text), grid) if part
+        )
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -112,7 +114,7 @@ class SectionReport(plots.Measurements):
             "full model each has a drive."
         )
         verdicts = "\n".join(f"- {line}" for line in self.verdicts())
-        sections = [f"# Reduction of {self.name}", wrapped(opening), verdicts]
+        sections = [f"# Reduction of {self.name}", wrap_paragraph(opening), verdicts]
         for table in self.tables():
             sections.append(table.markdown())
             name = plots.PICTURES.get(table.title)
@@ -161,7 +163,7 @@ class SectionReport(plots.Measurements):
 
     def tables(self) -> list[Table]:
         """The tables of the measurements, in order."""
-        claims = tuple((c.text, HOLDS[c.holds], c.evidence) for c in self.reduction.claims)
+        claims = tuple((c.text, VERDICT_WORDS[c.holds], c.evidence) for c in self.reduction.claims)
         tables = [Table(STRUCTURE, "", ("claim", "", "evidence"), claims)]
         if self.comparisons:
             tables.append(self._exact_table())
@@ -186,7 +188,7 @@ class SectionReport(plots.Measurements):
             (
                 c.method,
                 f"rtol {c.setting:g}" if c.method == "event" else f"{1e3 * c.setting:.2f} ms",
-                *_both(c.deviation.max_puppet, c.deviation.max_mechanism),
+                *_number_pair(c.deviation.max_puppet, c.deviation.max_mechanism),
             )
             for c in self.comparisons
         )
@@ -225,7 +227,7 @@ class SectionReport(plots.Measurements):
         lines = tuple(
             (
                 f"{t.bandwidth:.4g}",
-                *_both(t.deviation.max_puppet, t.deviation.max_mechanism),
+                *_number_pair(t.deviation.max_puppet, t.deviation.max_mechanism),
                 t.deviation.status,
             )
             for t in self.tracking
@@ -244,7 +246,7 @@ class SectionReport(plots.Measurements):
         speeds = [f"at {t.bandwidth:.4g} rad/s>" for t in heavy[0].tracking]
         lines = tuple(
             (
-                *_both(m.mass, m.coupling),
+                *_number_pair(m.mass, m.coupling),
                 *(number(t.deviation.max_puppet) for t in m.tracking),
                 number(m.exact.max_puppet),
             )
@@ -262,14 +264,14 @@ def _file_drives_table(found: FileDrives) -> Table:
         "its own rest." + (f" The run stopped: {apart.status}." if apart.status else "")
     )
     lines = tuple(
-        (name, *_both(found.lag[0, k], np.max(found.lag[:, k])), number(found.force[k]))
+        (name, *_number_pair(found.lag[0, k], np.max(found.lag[:, k])), number(found.force[k]))
         for k, name in enumerate(found.drives)
     )
     header = ("drive", "lag at rest (m, rad)>", "largest lag>", "largest force [N, N m]>")
     return Table(FILE_DRIVES, text, header, lines)
 
 
-def _both(first: float, second: float) -> tuple[str, str]:
+def _number_pair(first: float, second: float) -> tuple[str, str]:
     return number(first), number(second)
 
 
@@ -280,6 +282,6 @@ def number(value: float, digits: int = 2) -> str:
     return f"{value:.{digits}g}" if 1e-3 <= abs(value) < 1e5 or value == 0 else f"{value:.1e}"
 
 
-def wrapped(text: str) -> str:
+def wrap_paragraph(text: str) -> str:
     """A paragraph in lines of at most 100 characters."""
     return textwrap.fill(text, 100, break_long_words=False, break_on_hyphens=False)

@@ -65,7 +65,7 @@ class Symbolic:
         return "\n".join(lines)
 
 
-def symbolic(marionette: Marionette) -> Symbolic | None:
+def symbolic_blocks(marionette: Marionette) -> Symbolic | None:
     """The blocks as SymPy expressions; None if they would fill pages."""
     import sympy as sp
 

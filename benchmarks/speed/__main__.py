@@ -11,7 +11,7 @@ from ..strings import ROOT
 from . import accuracy, batches, bounds, peers, pipeline, real_time, steps
 from .figures import Chapter, goals_table
 from .page import page
-from .programs import compiled, lane_source
+from .programs import compile_program, lane_source
 
 
 def main() -> None:
@@ -26,7 +26,7 @@ def main() -> None:
     quick = options.quick
     turns = 2 if quick else max(1, options.turns)
     n_long_turns = max(2, turns // 3)
-    began, everyone = time.perf_counter(), peers.gather(options.older_mujoco)
+    began, everyone = time.perf_counter(), peers.start_peers(options.older_mujoco)
     measures = {
         "steps": lambda: steps.chapters(everyone, scalar, turns, 500 if quick else 5000),
         "batches": lambda: [batches.chapter(everyone, turns, 64 if quick else 1024)],
@@ -40,8 +40,8 @@ def main() -> None:
     chapters: list[Chapter] = [peers.chapter(everyone)]
     try:
         with tempfile.TemporaryDirectory() as folder, tempfile.TemporaryDirectory() as other:
-            scalar = compiled("scalar", Path(folder))
-            lanes = compiled("lanes", Path(other), lane_source())
+            scalar = compile_program("scalar", Path(folder))
+            lanes = compile_program("lanes", Path(other), lane_source())
             for name, measure in measures.items():
                 chapters += measure()
                 print(f"{name}: after {time.perf_counter() - began:.0f} s", flush=True)

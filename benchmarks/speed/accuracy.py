@@ -25,7 +25,7 @@ from oracles import arm2d_events
 from ..strings.report import Section, Table, number
 from ..strings.scenarios import ARM, FALL, arm
 from . import by_joint
-from .figures import Chapter, Goal, Samples, in_turns, shown, times
+from .figures import Chapter, Goal, Samples, in_turns, ratio_text, time_text
 from .mujoco_peer import MuJoCo, PeerError
 from .peers import Peers
 
@@ -38,10 +38,10 @@ GOAL, MARK = 1e-6, 100.0
 TOLERANCES = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11)
 INTEGRATORS = ("Euler", "RK4")
 STEPS = (1e-3, 3e-4, 1e-4, 3e-5, 1e-5)
-FINER = (3e-6, 1e-6, 3e-7, 1e-7)
+FINE_STEPS = (3e-6, 1e-6, 3e-7, 1e-7)
 """Steps for only the best settings so far [s]."""
 
-KEPT = 2
+N_REFINED = 2
 DAMPINGS = (None, 1.0, 5.0, 30.0, 200.0, 1000.0)
 """Hardness of strings: the default, or the shortest time constant that MuJoCo's safeguard
 allows, two steps, the highest impedance, and a damping ratio. With more damping a
@@ -143,14 +143,14 @@ class Problem:
         if damping is not None:
             settings["solref"] = [2.0 * dt, damping]
             settings["solimp"] = [0.9999, 0.9999, 0.001, 0.5, 2.0]
-        joints = by_joint.joints(arm().tree, self.x0.q_D, self.x0.v_D)
+        joints = by_joint.dynamic_joints(arm().tree, self.x0.q_D, self.x0.v_D)
         q, v = ({n: getattr(j, part) for n, j in joints.items()} for part in "qv")
         steps = round(SECONDS / dt)
         try:
             answer = peer.ask("step", model=MODEL, settings=settings, q=q, v=v, steps=steps)
         except PeerError:
             return Run(integrator, damping, dt, math.inf, math.inf)
-        end = [by_joint.packed(arm().tree, answer[part]) for part in "qv"]
+        end = [by_joint.pack_rates(arm().tree, answer[part]) for part in "qv"]
         return Run(integrator, damping, dt, answer["seconds"] * steps, self.error(*end))
 
 
@@ -163,11 +163,11 @@ def sweep(run: Callable[[str, float | None, float], Run], budget: float) -> list
     """
     settings = list(itertools.product(INTEGRATORS, DAMPINGS))
     tried = [run(*setting, dt) for setting in settings for dt in STEPS]
-    best = {setting: _least(tried, setting) for setting in settings}
-    for setting in sorted(best, key=best.get)[:KEPT]:
-        for dt in FINER:
+    best = {setting: _smallest_error(tried, setting) for setting in settings}
+    for setting in sorted(best, key=best.get)[:N_REFINED]:
+        for dt in FINE_STEPS:
             last = next(r for r in reversed(tried) if r.setting[:2] == setting)
-            if _least(tried, setting) <= GOAL or last.seconds * last.dt / dt > budget:
+            if _smallest_error(tried, setting) <= GOAL or last.seconds * last.dt / dt > budget:
                 break
             tried.append(run(*setting, dt))
     return tried
@@ -178,7 +178,7 @@ def chapter(peers: Peers, turns: int, budget: float) -> Chapter:
     problem = Problem.fall()
     problem.ours(TOLERANCES[0])  # what is done once is done
     runs = [(tolerance, *problem.ours(tolerance)) for tolerance in TOLERANCES]
-    rows = [["fantoccini, event", number(t), shown(took), number(e)] for t, took, e in runs]
+    rows = [["fantoccini, event", number(t), time_text(took), number(e)] for t, took, e in runs]
     tolerance = next(t for t, _, error in runs if error <= GOAL)
     text = (
         f"The two-link arm is dropped on its slack string; in {SECONDS:g} s it is caught "
@@ -187,8 +187,8 @@ def chapter(peers: Peers, turns: int, budget: float) -> Chapter:
         f"{number(problem.doubt)} away). MuJoCo's runs are dense Newton, converged to 1e-14; "
         "stiffest is a time constant of two steps, the shortest that its safeguard allows, and "
         "an impedance of 0.9999. Its best settings are run with steps down to "
-        f"{number(FINER[-1])} s while a run takes at most {number(budget)} s. Times are processor "
-        "times; ours include the whole call of `fan.simulate`."
+        f"{number(FINE_STEPS[-1])} s while a run takes at most {number(budget)} s. Times are "
+        "processor times; ours include the whole call of `fan.simulate`."
     )
     parts: list = [text]
     reached = False
@@ -196,7 +196,7 @@ def chapter(peers: Peers, turns: int, budget: float) -> Chapter:
     for peer in peers.mujoco.values():
         peer.load(mjcf(arm(), problem.x0.q_K), MODEL)
         tried = sweep(functools.partial(problem.theirs, peer), budget)
-        best = chosen(tried)
+        best = best_run(tried)
         reached = reached or best.error <= GOAL
         taken = in_turns(
             {
@@ -208,10 +208,15 @@ def chapter(peers: Peers, turns: int, budget: float) -> Chapter:
         ratio = taken["theirs"].over(taken["ours"])
         if isinstance(smallest_ratio, str) or ratio.median < smallest_ratio.median:
             smallest_ratio = ratio
-        parts.append(_words(peer, best, taken, tolerance))
+        parts.append(_result_text(peer, best, taken, tolerance))
         rows += [
-            [f"MuJoCo {peer.version}, {r.name}", number(r.dt), shown(r.seconds), number(r.error)]
-            for r in _worth_showing(tried)
+            [
+                f"MuJoCo {peer.version}, {r.name}",
+                number(r.dt),
+                time_text(r.seconds),
+                number(r.error),
+            ]
+            for r in _best_by_step(tried)
         ]
     parts.append(Table(["method", "tolerance or step (s)", "time", "error"], rows))
     what = f"time to {number(GOAL)} on {SECONDS:g} s with catches: MuJoCo's best / ours"
@@ -220,18 +225,18 @@ def chapter(peers: Peers, turns: int, budget: float) -> Chapter:
     return Chapter(Section("5. Error and cost", parts), [Goal(what, smallest_ratio, MARK)])
 
 
-def chosen(tried: list[Run]) -> Run:
+def best_run(tried: list[Run]) -> Run:
     """The cheapest run that reaches the goal, or the most accurate run if none does."""
     there = [run for run in tried if run.error <= GOAL]
     return min(there, key=lambda r: r.seconds) if there else min(tried, key=lambda r: r.error)
 
 
-def _least(tried: list[Run], setting: tuple) -> float:
+def _smallest_error(tried: list[Run], setting: tuple) -> float:
     """The smallest error of a setting."""
     return min(run.error for run in tried if run.setting[:2] == setting)
 
 
-def _worth_showing(tried: list[Run]) -> list[Run]:
+def _best_by_step(tried: list[Run]) -> list[Run]:
     """The most exact run of every integrator and step."""
     keys = dict.fromkeys((run.integrator, run.dt) for run in tried)
     return [
@@ -240,10 +245,10 @@ def _worth_showing(tried: list[Run]) -> list[Run]:
     ]
 
 
-def _words(peer: MuJoCo, best: Run, taken: dict[str, Samples], tolerance: float) -> str:
+def _result_text(peer: MuJoCo, best: Run, taken: dict[str, Samples], tolerance: float) -> str:
     """The result of a version, as text."""
-    ours, theirs = shown(taken["ours"].median), shown(taken["theirs"].median)
-    ratio = times(taken["theirs"].over(taken["ours"]).median)
+    ours, theirs = time_text(taken["ours"].median), time_text(taken["theirs"].median)
+    ratio = ratio_text(taken["theirs"].over(taken["ours"]).median)
     run = f"{best.name}, steps of {number(best.dt)} s"
     if best.error <= GOAL:
         reached = f"reaches {number(GOAL)} with {run} in {theirs}, {ratio} ours"

@@ -9,9 +9,9 @@ import fantoccini as fan
 from fantoccini.motion import Input
 
 from ..strings.report import Section, Table, number
-from .figures import Chapter, Goal, Samples, in_turns, times
+from .figures import Chapter, Goal, Samples, in_turns, ratio_text
 from .peers import Peers
-from .subject import DT, marionette, swinging
+from .subject import DT, marionette, swinging_state
 
 THREADS = 2
 STEPS = 100
@@ -35,7 +35,7 @@ def batch_rate(states: list, steps: int, threads: int) -> float:
 
 def chapter(peers: Peers, turns: int, trajectories: int) -> Chapter:
     """Rates and their ratios."""
-    states = [swinging(seed) for seed in range(trajectories)]
+    states = [swinging_state(seed) for seed in range(trajectories)]
     starts = [(x.q_D, x.v_D) for x in states]
     actions: dict[str, Callable[[], float]] = {}
     ours = {n: f"fantoccini, {n} {'threads' if n > 1 else 'thread'}" for n in (THREADS, 1)}
@@ -82,5 +82,5 @@ def chapter(peers: Peers, turns: int, trajectories: int) -> Chapter:
             LANES_MARK,
         ),
     ]
-    parts = [text, table, f"One core simulates {times(lanes.median)} real time."]
+    parts = [text, table, f"One core simulates {ratio_text(lanes.median)} real time."]
     return Chapter(Section("4. Many trajectories", parts), goals)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from fantoccini.kernel.codegen import operations
 
 from ..strings.report import Section, Table
-from .figures import Chapter, Samples, in_turns, shown, spread, times
-from .programs import Program, words
-from .subject import DT, marionette, swinging
+from .figures import Chapter, Samples, in_turns, ratio_text, spread_text, time_text
+from .programs import Program, program_input
+from .subject import DT, marionette, swinging_state
 
 WORKS = {
     "evaluate": ("scalar", "constrained evaluation"),
@@ -39,7 +39,7 @@ BY_HAND = (
 
 def chapter(scalar: Program, lanes: Program, turns: int) -> Chapter:
     """The generated equations alone, compared with the work that contains them."""
-    programs, start_words = {"scalar": scalar, "lanes": lanes}, words([swinging()])
+    programs, start_words = {"scalar": scalar, "lanes": lanes}, program_input([swinging_state()])
 
     def timed(work: str) -> float:
         return programs[WORKS[work][0]].run(start_words, work.split()[-1], 1, CALLS).seconds[0]
@@ -51,7 +51,7 @@ def chapter(scalar: Program, lanes: Program, turns: int) -> Chapter:
         function = work.split()[-1]
         count = counts.get(function)
         each = f"{1e9 * taken[work].median / count:.3f} ns" if count else "-"
-        rows.append([name, *spread(taken[work]), str(count or "-"), each])
+        rows.append([name, *spread_text(taken[work]), str(count or "-"), each])
     real_time = Samples(tuple(DT / x for x in taken["lane step"].values))
     limit = Samples(tuple(DT / x for x in taken["lane step_dynamics"].values))
     shares = {
@@ -72,10 +72,11 @@ def chapter(scalar: Program, lanes: Program, turns: int) -> Chapter:
         + ". The rest is the inputs' polynomials, the rows' factor and its solution, the sum of "
         "the forces, the new configuration and the ledger.",
         Table(["work", "median", "min", "max", "operations", "an operation"], rows),
-        f"A lane alone makes {times(real_time.median)} real time; with the equations alone, "
-        f"{times(limit.median)}. `fan.simulate` adds its checks, the inputs, which differ from "
-        f"lane to lane, and limits that are near in some lanes only (a step of {shown(DT)} is one "
-        f"of {counts['step_dynamics']} operations and {counts['columns']} more for limits).",
+        f"A lane alone makes {ratio_text(real_time.median)} real time; with the equations alone, "
+        f"{ratio_text(limit.median)}. `fan.simulate` adds its checks, the inputs, which differ "
+        "from "
+        f"lane to lane, and limits that are near in some lanes only (a step of {time_text(DT)} is "
+        f"one of {counts['step_dynamics']} operations and {counts['columns']} more for limits).",
         BY_HAND,
     ]
     return Chapter(Section("8. Lower bounds", text))

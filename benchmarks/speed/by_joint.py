@@ -29,7 +29,7 @@ class Joint:
 
 
 @dataclass(frozen=True)
-class Anchored:
+class AnchoredString:
     """A string between a point of a body and a place in the world.
 
     Attributes:
@@ -47,7 +47,7 @@ class Anchored:
     length: float
 
 
-def joints(tree: Tree, q_D: Array, v_D: Array) -> dict[str, Joint]:
+def dynamic_joints(tree: Tree, q_D: Array, v_D: Array) -> dict[str, Joint]:
     """The dynamic joints by name."""
     return {
         j.name: Joint(j.kind, tuple(map(float, q_D[j.q])), tuple(map(float, v_D[j.v])))
@@ -56,7 +56,7 @@ def joints(tree: Tree, q_D: Array, v_D: Array) -> dict[str, Joint]:
     }
 
 
-def packed(tree: Tree, rates: dict[str, list[float]]) -> Array:
+def pack_rates(tree: Tree, rates: dict[str, list[float]]) -> Array:
     """(n_vD,) velocities or accelerations from those of the joints."""
     out = np.zeros(tree.coordinates.n_vD)
     for joint in all_joints(tree):
@@ -65,7 +65,7 @@ def packed(tree: Tree, rates: dict[str, list[float]]) -> Array:
     return out
 
 
-def strings(marionette: Marionette, x: State) -> list[Anchored]:
+def anchored_strings(marionette: Marionette, x: State) -> list[AnchoredString]:
     """All strings of a puppet, each from one body to one fixed place."""
     anchored = []
     places = marionette.string_points(x.q_D, x.q_K).values()
@@ -74,5 +74,5 @@ def strings(marionette: Marionette, x: State) -> list[Anchored]:
         first, _ = row.points
         link, at = marionette.tree.links[first.link], tuple(map(marionette.number, first.at))
         end = tuple(map(float, points[-1]))
-        anchored.append(Anchored(row.name, link.name, at, end, float(length)))
+        anchored.append(AnchoredString(row.name, link.name, at, end, float(length)))
     return anchored

@@ -31,7 +31,7 @@ INTERVALS = 50
 """Number per second."""
 
 
-def least(turns: int, *calls: Callable[[], object]) -> list[float]:
+def shortest_times(turns: int, *calls: Callable[[], object]) -> list[float]:
     """The shortest processor time of each call in alternating turns [s]."""
     best = [np.inf] * len(calls)
     for _ in range(turns + 1):
@@ -42,7 +42,7 @@ def least(turns: int, *calls: Callable[[], object]) -> list[float]:
     return best
 
 
-def shaken(puppet: Marionette, x0: State, duration: float) -> fan.Input:
+def shaking_inputs(puppet: Marionette, x0: State, duration: float) -> fan.Input:
     """Inputs that shorten every second string by 3 cm, then the others, every 1/8 s in turn."""
     names = [name for name in puppet.coordinates.q_K if name.endswith(".length")]
     times = np.linspace(0.0, duration, round(8 * duration) + 1)
@@ -68,7 +68,7 @@ def main() -> None:
     ramps[:, 0, :, 1] = np.eye(table.n_vK)
     ends = np.array([0.0, duration])
     along = [InputDerivative(table, ends, ramp, "", True) for ramp in ramps]
-    run, cost = least(
+    run, cost = shortest_times(
         arguments.turns,
         lambda: fan.simulate(puppet, x0, inputs, duration, effort=False),
         lambda: fan.dynamics.sensitivity(puppet, x0, inputs, duration, along=along),
@@ -78,9 +78,9 @@ def main() -> None:
         f"for a simulated second (at most {PER_SECOND:g}), {cost / run:.1f} runs of "
         f"{1e3 * run / duration:.2f} ms"
     )
-    shakes = shaken(puppet, x0, duration)
+    shakes = shaking_inputs(puppet, x0, duration)
     passages = len(fan.dynamics.sensitivity(puppet, x0, shakes, duration, along=along).passages)
-    run, cost = least(
+    run, cost = shortest_times(
         min(arguments.turns, 5),
         lambda: fan.simulate(puppet, x0, shakes, duration, effort=False),
         lambda: fan.dynamics.sensitivity(puppet, x0, shakes, duration, along=along),
@@ -95,7 +95,7 @@ def main() -> None:
         puppet, np.linspace(0.0, duration, n + 1), x0.q_K, np.zeros(table.n_vK), acc_K
     )
     trajectory = fan.simulate(puppet, x0, pieces, duration, effort=False)
-    run, cost = least(
+    run, cost = shortest_times(
         arguments.turns,
         lambda: fan.simulate(puppet, x0, pieces, duration, effort=False),
         lambda: interval_derivatives(puppet, trajectory, pieces),
@@ -106,7 +106,9 @@ def main() -> None:
     )
     chosen = np.linspace(0, len(trajectory.t) - 1, arguments.nodes).astype(int)
     states = [getattr(trajectory, name)[chosen] for name in ("q_D", "v_D", "q_K", "v_K", "acc_K")]
-    (cost,) = least(arguments.turns, lambda: puppet.linearise_steps(*states, dt=0.01, threads=1))
+    (cost,) = shortest_times(
+        arguments.turns, lambda: puppet.linearise_steps(*states, dt=0.01, threads=1)
+    )
     print(
         f"linearise_steps at {arguments.nodes} states: {1e6 * cost / arguments.nodes:.1f} us each "
         f"(at most {PER_NODE:g})"

@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from fantoccini.base.arrays import Array
 
-from .by_joint import Anchored, joints, packed
+from .by_joint import AnchoredString, dynamic_joints, pack_rates
 from .mujoco_peer import PeerError
 from .subject import DT, still_tree
 
@@ -30,7 +30,7 @@ class Drake:
         version: version of the wheel.
     """
 
-    def __init__(self, text: str, hung: list[Anchored]):
+    def __init__(self, text: str, hung: list[AnchoredString]):
         """Creates both from MJCF text without tendons, and the strings.
 
         Raises:
@@ -52,14 +52,14 @@ class Drake:
         rates = self.free.EvalTimeDerivatives(self.context).CopyToVector()
         acc = rates[self.free.num_positions() :]
         by_name = {}
-        for name, joint in joints(still_tree(), q_D, v_D).items():
+        for name, joint in dynamic_joints(still_tree(), q_D, v_D).items():
             start, count = _velocities(self.free, name)
             part = acc[start : start + count]
             if joint.kind == "free":
                 by_name[name] = np.concatenate([part[3:], _rotation(joint.q).T @ part[:3]])
             else:
                 by_name[name] = _rotation(joint.q).T @ part if joint.kind == "ball" else part
-        return packed(still_tree(), by_name)
+        return pack_rates(still_tree(), by_name)
 
     def derivative(self, q_D: Array, v_D: Array) -> float:
         """Time of an unconstrained derivative [s]."""
@@ -103,7 +103,7 @@ class Drake:
         from pydrake.math import RollPitchYaw, RotationMatrix
 
         q, v = np.zeros(plant.num_positions()), np.zeros(plant.num_velocities())
-        for name, joint in joints(still_tree(), q_D, v_D).items():
+        for name, joint in dynamic_joints(still_tree(), q_D, v_D).items():
             rate = np.array(joint.v)
             if joint.kind == "free":
                 body = _body_of(name)
@@ -123,7 +123,7 @@ class Drake:
         plant.SetVelocities(context, v)
 
 
-def _plant(text: str, dt: float, hung: list[Anchored]):
+def _plant(text: str, dt: float, hung: list[AnchoredString]):
     """A finalised plant with the strings as distances."""
     from pydrake.math import RigidTransform
     from pydrake.multibody.parsing import Parser

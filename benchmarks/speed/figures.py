@@ -74,7 +74,7 @@ class Chapter:
     goals: list[Goal] = field(default_factory=list)
 
 
-def shown(seconds: float) -> str:
+def time_text(seconds: float) -> str:
     """A time in a suitable unit."""
     for unit, factor in (("s", 1.0), ("ms", 1e-3), ("us", 1e-6)):
         if abs(seconds) >= factor:
@@ -82,12 +82,12 @@ def shown(seconds: float) -> str:
     return f"{seconds * 1e9:.3g} ns"
 
 
-def times(ratio: float) -> str:
+def ratio_text(ratio: float) -> str:
     """A ratio: 9.41x, 1234x."""
     return f"{ratio:.3g}x" if ratio < 100 else f"{ratio:.0f}x"
 
 
-def spread(samples: Samples, write: Callable[[float], str] = shown) -> list[str]:
+def spread_text(samples: Samples, write: Callable[[float], str] = time_text) -> list[str]:
     """Median, minimum and maximum."""
     return [write(x) for x in (samples.median, min(samples.values), max(samples.values))]
 
@@ -96,12 +96,12 @@ def goals_table(chapters: list[Chapter]) -> Table:
     """All targets of the page; missed ones in bold."""
     rows = []
     for goal in (goal for chapter in chapters for goal in chapter.goals):
-        write = times if goal.at_least else shown
+        write = ratio_text if goal.at_least else time_text
         mark = f"{'at least' if goal.at_least else 'at most'} {write(goal.bound)}"
         if isinstance(goal.measured, str):
             cells = [goal.measured, "-", "-"]
         else:
-            cells = spread(goal.measured, write)
+            cells = spread_text(goal.measured, write)
         met = {True: "yes", False: "**no**", None: "not measured"}[goal.met]
         rows.append([goal.what, *cells, mark, met])
     return Table(["Figure", "median", "min", "max", "target", "met"], rows)

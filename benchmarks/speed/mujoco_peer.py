@@ -11,7 +11,7 @@ from pathlib import Path
 
 from fantoccini.base.arrays import Array
 
-from .by_joint import Joint, joints, packed
+from .by_joint import Joint, dynamic_joints, pack_rates
 from .subject import DT, still_tree
 
 WORKER = Path(__file__).with_name("mujoco_worker.py")
@@ -92,17 +92,17 @@ class MuJoCo:
 
     def acceleration(self, q_D: Array, v_D: Array) -> Array:
         """(n_vD,) without strings, in our order."""
-        q, v = state(q_D, v_D)
-        return packed(still_tree(), self.ask("accelerate", model=MODEL, q=q, v=v)["acc"])
+        q, v = state_by_joint(q_D, v_D)
+        return pack_rates(still_tree(), self.ask("accelerate", model=MODEL, q=q, v=v)["acc"])
 
     def burst(self, settings: dict, q_D: Array, v_D: Array, steps: int) -> dict:
         """Steps from a state; ``seconds`` is the time of one step."""
-        q, v = state(q_D, v_D)
+        q, v = state_by_joint(q_D, v_D)
         return self.ask("step", model=MODEL, settings=settings, q=q, v=v, steps=steps)
 
     def trajectories(self, settings: dict, starts: list, steps: int, threads: int) -> float:
         """Time of a rollout from several (q_D, v_D) [s]."""
-        states = [state(q_D, v_D) for q_D, v_D in starts]
+        states = [state_by_joint(q_D, v_D) for q_D, v_D in starts]
         answer = self.ask(
             "rollout", model=MODEL, settings=settings, states=states, steps=steps, threads=threads
         )
@@ -116,14 +116,14 @@ class MuJoCo:
         Dense Newton without islands is the reference; a setting with another end is wrong.
         """
         for integrator in ("Euler", "RK4"):
-            candidates = [Tried(settings) for settings in choices(integrator)]
+            candidates = [Tried(settings) for settings in all_settings(integrator)]
             for _ in range(tries):
                 for candidate in candidates:
                     if candidate.wrong:
                         continue
                     try:
                         answer = self.burst(candidate.settings, q_D, v_D, steps)
-                        candidate.wrong = _apart(
+                        candidate.wrong = _difference_text(
                             candidate.answer or candidates[0].answer or answer, answer
                         )
                         candidate.answer, candidate.seconds = (
@@ -162,7 +162,7 @@ class Tried:
         return f"{self.settings['solver']}, {self.settings['jacobian']}{islands}"
 
 
-def choices(integrator: str) -> list[dict]:
+def all_settings(integrator: str) -> list[dict]:
     """All settings that may be the fastest, the reference first."""
     return [
         {
@@ -176,13 +176,13 @@ def choices(integrator: str) -> list[dict]:
     ]
 
 
-def state(q_D: Array, v_D: Array) -> tuple[dict, dict]:
+def state_by_joint(q_D: Array, v_D: Array) -> tuple[dict, dict]:
     """Positions and velocities by joint; MuJoCo's conventions are ours."""
-    by_name: dict[str, Joint] = joints(still_tree(), q_D, v_D)
+    by_name: dict[str, Joint] = dynamic_joints(still_tree(), q_D, v_D)
     return {n: j.q for n, j in by_name.items()}, {n: j.v for n, j in by_name.items()}
 
 
-def _apart(right: dict, other: dict) -> str:
+def _difference_text(right: dict, other: dict) -> str:
     """Text on how the end of a burst differs from the reference; empty if they agree."""
     pairs = ((a, b) for n in right["q"] for a, b in zip(right["q"][n], other["q"][n], strict=True))
     apart = max(abs(a - b) for a, b in pairs)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..strings.report import Table, machine, wrapped
+from ..strings.report import Table, machine, wrap_paragraph
 from .figures import Chapter, goals_table
 from .peers import Peers
 
@@ -26,7 +26,7 @@ def page(chapters: list[Chapter], peers: Peers, flags: str) -> str:
     versions += [[name, why] for name, why in peers.missing.items()]
     parts = [
         "# Speed, measured",
-        wrapped(OPENING),
+        wrap_paragraph(OPENING),
         goals_table(chapters).markdown(),
         Table(computer.header, [*computer.rows, *versions]).markdown(),
         *(chapter.section.markdown() for chapter in chapters),

@@ -18,12 +18,12 @@ from fantoccini.motion import State
 
 from ..strings import ROOT
 from ..strings.report import Section, Table, number
-from .by_joint import strings
+from .by_joint import anchored_strings
 from .drake_peer import Drake
 from .figures import Chapter
 from .mujoco_peer import MuJoCo, PeerError
 from .pinocchio_peer import Pinocchio
-from .subject import DT, KNEES, hanging, marionette, still_air, swinging
+from .subject import DT, KNEES, hanging, marionette, still_air, swinging_state
 
 OLDER = ROOT / ".venv-mujoco317" / "bin" / "python"
 """Interpreter with the older MuJoCo of ``make bench``."""
@@ -76,19 +76,19 @@ class Peers:
             peer.stop()
 
 
-def gather(older: Path) -> Peers:
+def start_peers(older: Path) -> Peers:
     """Starts and checks all of them.
 
     Args:
         older: interpreter with the older MuJoCo.
     """
-    peers, hung = Peers(), strings(marionette(), hanging())
-    whole, bare = text(strung=True), text(strung=False)
+    peers, hung = Peers(), anchored_strings(marionette(), hanging())
+    whole, bare = peers_mjcf(strung=True), peers_mjcf(strung=False)
 
     def admit(name: str, start: Callable[[], Any], rest: Callable | None = None):
         try:
             peer = start()
-            accelerations, rested = _acceleration_apart(peer), rest(peer) if rest else None
+            accelerations, rested = _acceleration_difference(peer), rest(peer) if rest else None
         except PeerError as error:
             peers.missing[name] = str(error)
             return None
@@ -107,7 +107,7 @@ def gather(older: Path) -> Peers:
         return peer if right else None
 
     for name, python in (("MuJoCo", sys.executable), ("MuJoCo 3.17", str(older))):
-        version = admit(name, functools.partial(_mujoco, python, whole), _tension_apart)
+        version = admit(name, functools.partial(_mujoco, python, whole), _tension_difference)
         if version:
             peers.mujoco[name] = version
     peers.pinocchio = admit("Pinocchio", lambda: Pinocchio(bare))
@@ -119,7 +119,7 @@ def chapter(peers: Peers) -> Chapter:
     """The section with the proof."""
     rows = [*peers.checks, *([name, why, "-", "-", "-"] for name, why in peers.missing.items())]
     header = ["peer", "version", "accelerations apart", "strings apart", "same puppet"]
-    speed, limits = float(np.abs(swinging().v_D).max()), len(marionette().tree.limits)
+    speed, limits = float(np.abs(swinging_state().v_D).max()), len(marionette().tree.limits)
     text = (
         "All programs simulate the bundled `marionette`: 25 DOF, 7 strings, all taut, hanging "
         f"and swinging gently (velocities up to {number(speed)} m/s or rad/s), with fixed upper "
@@ -139,7 +139,7 @@ def chapter(peers: Peers) -> Chapter:
     return Chapter(Section("1. The same puppet", [text, proof, Table(header, rows)]))
 
 
-def text(strung: bool) -> str:
+def peers_mjcf(strung: bool) -> str:
     """MJCF of the peers' puppet, with fixed ends of the strings.
 
     Args:
@@ -156,15 +156,15 @@ def _mujoco(python: str, text: str) -> MuJoCo:
 
 
 @functools.cache
-def _still() -> tuple[fan.Marionette, State]:
+def _resting_peer() -> tuple[fan.Marionette, State]:
     """The peers' puppet as our marionette, at rest."""
     puppet = fan.Marionette(still_air())
     return puppet, puppet.rest(KNEES)
 
 
-def _acceleration_apart(peer) -> float:
+def _acceleration_difference(peer) -> float:
     """The largest difference at several states, relative to the largest acceleration."""
-    puppet, rest = _still()
+    puppet, rest = _resting_peer()
     worst = 0.0
     for seed in range(5):
         rng = np.random.default_rng(seed)
@@ -181,8 +181,8 @@ def _acceleration_apart(peer) -> float:
     return worst
 
 
-def _tension_apart(peer: MuJoCo) -> float:
-    puppet, x = _still()
+def _tension_difference(peer: MuJoCo) -> float:
+    puppet, x = _resting_peer()
     tension = peer.burst(STIFF, x.q_D, x.v_D, SETTLED)["tension"]
     _, ours = puppet.forward_dynamics(x)
     names = [s.name for s in puppet.tree.strings]
@@ -191,5 +191,5 @@ def _tension_apart(peer: MuJoCo) -> float:
 
 
 def _stretch(peer: Drake) -> float:
-    _, x = _still()
+    _, x = _resting_peer()
     return peer.stretch(x.q_D, x.v_D)

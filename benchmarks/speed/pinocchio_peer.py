@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from fantoccini.base.arrays import Array
 
-from .by_joint import joints, packed
+from .by_joint import dynamic_joints, pack_rates
 from .mujoco_peer import PeerError
 from .subject import still_tree
 
@@ -54,13 +54,13 @@ class Pinocchio:
         q, v, tau = self._state(q_D, v_D)
         acc = self.pin.aba(self.model, self.data, q, v, tau)
         rates = {}
-        for name, joint in joints(still_tree(), q_D, v_D).items():
+        for name, joint in dynamic_joints(still_tree(), q_D, v_D).items():
             part = acc[self._places(name)[1]]
             if joint.kind == "free":
                 R = _rotation(joint.q[3:])
                 part = np.concatenate([R @ (part[:3] + np.cross(v[3:6], v[:3])), part[3:]])
             rates[name] = part
-        return packed(still_tree(), rates)
+        return pack_rates(still_tree(), rates)
 
     def burst(self, q_D: Array, v_D: Array) -> float:
         """Time of a call [s]."""
@@ -76,7 +76,7 @@ class Pinocchio:
         q, v = np.zeros(self.model.nq), np.zeros(self.model.nv)
         tau = np.zeros(self.model.nv)
         damping = {link.joint: link.damping for link in still_tree().links}
-        for name, joint in joints(still_tree(), q_D, v_D).items():
+        for name, joint in dynamic_joints(still_tree(), q_D, v_D).items():
             at_q, at_v = self._places(name)
             rate = np.array(joint.v)
             if joint.kind == "hinge":

@@ -17,7 +17,7 @@ from fantoccini.model import tree
 from fantoccini.theatre.perform import demo
 
 from ..strings.report import Section, Table
-from .figures import Chapter, Goal, Samples, shown, spread
+from .figures import Chapter, Goal, Samples, spread_text, time_text
 from .programs import source
 from .subject import DT, marionette
 
@@ -37,7 +37,7 @@ print(time.perf_counter() - start)
 """
 
 
-def timed(action: Callable[[], object], runs: int) -> Samples:
+def time_runs(action: Callable[[], object], runs: int) -> Samples:
     """Times of several runs [s]."""
     took = []
     for _ in range(runs):
@@ -47,7 +47,7 @@ def timed(action: Callable[[], object], runs: int) -> Samples:
     return Samples(tuple(took))
 
 
-def fresh(code: str, runs: int) -> Samples:
+def run_fresh(code: str, runs: int) -> Samples:
     """Numbers printed by a program that runs in a new interpreter every time."""
     command = [sys.executable, "-c", code]
     return Samples(
@@ -61,7 +61,7 @@ def fresh(code: str, runs: int) -> Samples:
 def derivation(runs: int) -> Samples:
     """Tree -> equations -> source text."""
     puppet = marionette().puppet
-    return timed(lambda: codegen.generate(equations.derive(tree.grow(puppet))), runs)
+    return time_runs(lambda: codegen.generate(equations.derive(tree.grow(puppet))), runs)
 
 
 def compilation(runs: int) -> Samples:
@@ -71,7 +71,7 @@ def compilation(runs: int) -> Samples:
         os.environ["FANTOCCINI_CACHE"] = folder
         try:
             keys = iter(f"{k:064x}" for k in range(runs))
-            return timed(lambda: build.obtain(next(keys), lambda: text), runs)
+            return time_runs(lambda: build.obtain(next(keys), lambda: text), runs)
         finally:
             del os.environ["FANTOCCINI_CACHE"]
             if cache is not None:
@@ -81,7 +81,7 @@ def compilation(runs: int) -> Samples:
 def performance(method: str, runs: int) -> Samples:
     """The demo's performance, from inputs to trajectory."""
     x0, inputs, duration = demo.performance(marionette())
-    return timed(
+    return time_runs(
         lambda: fan.simulate(
             marionette(), x0, inputs, t_end=duration, method=method_of(method, dt=DT)
         ),
@@ -94,14 +94,14 @@ def chapter(runs: int) -> Chapter:
     marionette().compile()  # fills the cache
     seconds = f"{demo.DURATION:g} s demo"
     goals = [
-        Goal("import fantoccini", fresh(IMPORT, runs), 0.5, False),
+        Goal("import fantoccini", run_fresh(IMPORT, runs), 0.5, False),
         Goal("derivation", derivation(runs), 1.0, False),
         Goal("compile", compilation(max(2, runs // 2)), 10.0, False),
-        Goal("load from cache", fresh(LOAD, runs), 0.2, False),
+        Goal("load from cache", run_fresh(LOAD, runs), 0.2, False),
         Goal(f"{seconds}, event-driven", performance("event", runs), 0.5, False),
-        Goal(f"{seconds}, steps of {shown(DT)}", performance("timestepping", runs), 0.1, False),
+        Goal(f"{seconds}, steps of {time_text(DT)}", performance("timestepping", runs), 0.1, False),
     ]
-    rows = [[goal.what, *spread(goal.measured)] for goal in goals]
+    rows = [[goal.what, *spread_text(goal.measured)] for goal in goals]
     text = (
         f"Wall-clock times for the bundled marionette, {runs} times each (compilation half as "
         "often): operations once per machine, once per program, and at every run."

@@ -60,7 +60,7 @@ def flags() -> list[str]:
     return [f for f in (*BASE_FLAGS, *build.default_flags(source())) if f != "-shared"]
 
 
-def compiled(name: str, folder: Path, text_of: build.Source | None = None) -> Program:
+def compile_program(name: str, folder: Path, text_of: build.Source | None = None) -> Program:
     """A program of this folder with the bundled marionette in it.
 
     Args:
@@ -77,7 +77,7 @@ def compiled(name: str, folder: Path, text_of: build.Source | None = None) -> Pr
     return Program(path, " ".join(flags()))
 
 
-def words(states: Sequence[State]) -> list:
+def program_input(states: Sequence[State]) -> list:
     """Input of a program: the starts, then common data with constant inputs."""
     puppet = marionette()
     bound = Input.hold(puppet).bound(hanging().q_K, 0.0)

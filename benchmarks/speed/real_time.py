@@ -10,13 +10,13 @@ import fantoccini as fan
 from fantoccini.motion import Input, Trajectory
 
 from ..strings.report import Section, number
-from .figures import Chapter, Goal, Samples, in_turns, shown, times
+from .figures import Chapter, Goal, Samples, in_turns, ratio_text, time_text
 from .subject import hanging, marionette
 
 SECONDS, TOLERANCE, MARK = 10.0, 1e-8, 100.0
 
 
-def gentle() -> Input:
+def swaying_inputs() -> Input:
     """Inputs that sway the upper ends by 5 cm to both sides and lift a hand by 4 cm."""
     puppet = marionette()
     start = dict(zip(puppet.coordinates.q_K, hanging().q_K, strict=True))
@@ -32,7 +32,7 @@ def gentle() -> Input:
 
 def chapter(turns: int) -> Chapter:
     """Speed relative to real time."""
-    inputs = gentle()
+    inputs = swaying_inputs()
 
     def run(tolerance: float) -> Trajectory:
         return fan.simulate(
@@ -58,7 +58,7 @@ def chapter(turns: int) -> Chapter:
         f"A performance of {SECONDS:g} s in which the upper ends of the marionette's strings sway "
         "by 5 cm to both sides and a hand is lifted by 4 cm; the strings stay taut "
         f'({len(run_.events)} events). `fan.simulate` with `method="event"` and tolerances of '
-        f"{number(TOLERANCE)} takes {shown(taken.median)} ({times(rate.median)} real "
+        f"{number(TOLERANCE)} takes {time_text(taken.median)} ({ratio_text(rate.median)} real "
         f"time) and ends {number(q)} (coordinates) and {number(v)} (velocities) from the end of a "
         "run with a tolerance of 1e-13."
     )

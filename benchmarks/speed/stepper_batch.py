@@ -26,7 +26,7 @@ MARK = 400_000
 """Target rate of pieces of one step [1/s]."""
 
 
-def begun(runs: int, dt: float, threads: int) -> tuple[StepperBatch, np.ndarray]:
+def start_batch(runs: int, dt: float, threads: int) -> tuple[StepperBatch, np.ndarray]:
     """Runs of the performance from different times, and its accelerations from there.
 
     Args:
@@ -51,7 +51,7 @@ def begun(runs: int, dt: float, threads: int) -> tuple[StepperBatch, np.ndarray]
 
 def rates(runs: int, calls: int, dt: float, threads: int, turns: int) -> list[float]:
     """Pieces per second of each turn; every turn restarts."""
-    batch, acc_K = begun(runs, dt, threads)
+    batch, acc_K = start_batch(runs, dt, threads)
     rate_list = []
     for _ in range(turns):
         batch.reset()

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from ..strings.report import Section, Table
-from .figures import Chapter, Goal, Samples, in_turns, shown, spread, times
+from .figures import Chapter, Goal, Samples, in_turns, ratio_text, spread_text, time_text
 from .mujoco_peer import MuJoCo
 from .peers import Peers
-from .programs import Burst, Program, words
-from .subject import DT, marionette, swinging
+from .programs import Burst, Program, program_input
+from .subject import DT, marionette, swinging_state
 
 OURS = {
     "evaluate": "fantoccini, constrained evaluation",
@@ -34,14 +34,14 @@ APART = 1e-6
 
 def chapters(peers: Peers, scalar: Program, turns: int, steps: int) -> list[Chapter]:
     """Times, ratios, and the fastest settings of MuJoCo."""
-    x = swinging()
+    x = swinging_state()
     for peer in peers.mujoco.values():
         peer.find_fastest(x.q_D, x.v_D, steps // 5, max(3, turns // 2))
     steps //= FINER
     turns_of_steps = FINER * turns
     taken = in_turns(_actions(peers, scalar, steps), turns_of_steps)
     taken |= in_turns(_other_engines(peers), turns)
-    rows = [[name, *spread(samples)] for name, samples in taken.items()]
+    rows = [[name, *spread_text(samples)] for name, samples in taken.items()]
     rows += [[name, why, "-", "-"] for name, why in peers.missing.items()]
     ratios, goals = _ratios(peers, taken)
     goals.append(
@@ -49,7 +49,7 @@ def chapters(peers: Peers, scalar: Program, turns: int, steps: int) -> list[Chap
     )
     text = (
         f"One evaluation or step, in turn, {turns_of_steps} of them ({turns} of Pinocchio and "
-        f"Drake). Steps are of {shown(DT)}. Times are processor times, which exclude waiting. "
+        f"Drake). Steps are of {time_text(DT)}. Times are processor times, which exclude waiting. "
         f"Every burst starts at the same state and makes {steps} steps or {EVALUATIONS} "
         "evaluations: ours in a compiled C++ program with the library's flags, MuJoCo's in one "
         "call of `mj_step` with `nstep`, Drake's in one call of `AdvanceTo`. Pinocchio and "
@@ -68,10 +68,10 @@ def chapters(peers: Peers, scalar: Program, turns: int, steps: int) -> list[Chap
 
 def _actions(peers: Peers, scalar: Program, steps: int) -> dict[str, Callable[[], float]]:
     """Name on the page -> seconds of one evaluation or step."""
-    x, actions = swinging(), {}
+    x, actions = swinging_state(), {}
 
     def ours(work: str, count: int) -> Callable[[], float]:
-        return lambda: _checked(scalar.run(words([x]), work, 1, count)).seconds[0]
+        return lambda: _require_plausible(scalar.run(program_input([x]), work, 1, count)).seconds[0]
 
     def mj_step(peer: MuJoCo, settings: dict) -> Callable[[], float]:
         return lambda: peer.burst(settings, x.q_D, x.v_D, steps)["seconds"]
@@ -88,7 +88,7 @@ def _actions(peers: Peers, scalar: Program, steps: int) -> dict[str, Callable[[]
 
 def _other_engines(peers: Peers) -> dict[str, Callable[[], float]]:
     """Likewise for the engines without ratios."""
-    x, actions = swinging(), {}
+    x, actions = swinging_state(), {}
     if peers.pinocchio:
         name = f"Pinocchio {peers.pinocchio.version}, ABA from Python, unconstrained"
         actions[name] = lambda: peers.pinocchio.burst(x.q_D, x.v_D)
@@ -101,7 +101,7 @@ def _other_engines(peers: Peers) -> dict[str, Callable[[], float]]:
     return actions
 
 
-def _checked(burst: Burst) -> Burst:
+def _require_plausible(burst: Burst) -> Burst:
     """A burst whose strings carried the puppet and kept their lengths."""
     carried = burst.tension / marionette().weight
     if not (0.9 < carried < 1.1 and burst.apart < APART):
@@ -121,7 +121,7 @@ def _ratios(peers: Peers, taken: dict[str, Samples]) -> tuple[list[list[str]], l
         smallest_ratio: Samples | str = peers.no_mujoco
         for peer in peers.mujoco.values():
             ratio = taken[_name(peer, integrator)].over(taken[OURS[work]])
-            rows.append([f"{what}, MuJoCo {peer.version}", *spread(ratio, times)])
+            rows.append([f"{what}, MuJoCo {peer.version}", *spread_text(ratio, ratio_text)])
             if isinstance(smallest_ratio, str) or ratio.median < smallest_ratio.median:
                 smallest_ratio = ratio
         goals.append(Goal(what, smallest_ratio, bound))
@@ -135,7 +135,7 @@ def _settings(peers: Peers) -> Chapter:
     for settings in zip(*(peer.tried for peer in versions), strict=True):
         cells = [settings[0].settings["integrator"], settings[0].name]
         for peer, tried in zip(versions, settings, strict=True):
-            text = tried.wrong or shown(tried.seconds)
+            text = tried.wrong or time_text(tried.seconds)
             best = peer.fastest[tried.settings["integrator"]] is tried.settings
             cells.append(f"**{text}**" if best else text)
         rows.append(cells)

@@ -44,7 +44,7 @@ def tensions(x: State) -> dict[str, float]:
     return dict(zip(names, map(float, forces), strict=False))
 
 
-def swinging(seed: int = 0) -> State:
+def swinging_state(seed: int = 0) -> State:
     """The same pose with small velocities that keep every string's length."""
     x = hanging()
     v = _SWING * np.random.default_rng(seed).normal(size=len(x.v_D))

@@ -31,7 +31,7 @@ _MOVE = 1e-6
 
 
 @dataclass(frozen=True)
-class Measured:
+class Measurements:
     """Figures of one model on one motion.
 
     Attributes:
@@ -58,7 +58,7 @@ class Measured:
 
 def measure(
     subject: Subject, puppet: Marionette, hand: np.ndarray | None
-) -> tuple[Measured, np.ndarray]:
+) -> tuple[Measurements, np.ndarray]:
     """The figures of a model, and the hand's path.
 
     Args:
@@ -70,14 +70,14 @@ def measure(
     x = puppet.rest()
     inputs, t_end = subject.inputs(puppet, x), subject.t_end
     options = {"method": fan.Event(rtol=TOLERANCE, atol=TOLERANCE), "effort": False}
-    seconds, run = _least(lambda: fan.simulate(puppet, x, inputs, t_end, **options))
+    seconds, run = _shortest_time(lambda: fan.simulate(puppet, x, inputs, t_end, **options))
     grid = np.linspace(0, t_end, 301)
     on_grid = fan.simulate(puppet, x, inputs, t_end, save_at=grid[1:-1], **options)
     here = subject.hand(puppet, on_grid)[np.searchsorted(on_grid.t, grid - 1e-9)]
     fast, slow = eigenvalues(puppet, x)
     step = largest_step(subject, puppet, x, inputs, (grid, here), min(0.3 / fast, 2e-4))
-    stepping, _ = _least(lambda: stepped(puppet, x, inputs, t_end, 0.5 * step))
-    figures = Measured(
+    stepping, _ = _shortest_time(lambda: run_with_steps(puppet, x, inputs, t_end, 0.5 * step))
+    figures = Measurements(
         dof=puppet.coordinates.n_vD,
         fastest=fast,
         slowest=slow,
@@ -91,7 +91,7 @@ def measure(
     return figures, here
 
 
-def _least(work: Callable[[], fan.Trajectory]) -> tuple[float, fan.Trajectory]:
+def _shortest_time(work: Callable[[], fan.Trajectory]) -> tuple[float, fan.Trajectory]:
     """Processor time of the fastest of three or more tries [s], and the last result."""
     took: list[float] = []
     while sum(took) < 20.0 and (len(took) < 3 or sum(took) < 0.5):
@@ -101,7 +101,7 @@ def _least(work: Callable[[], fan.Trajectory]) -> tuple[float, fan.Trajectory]:
     return min(took), result
 
 
-def stepped(puppet, x: State, inputs, t_end: float, dt: float) -> fan.Trajectory:
+def run_with_steps(puppet, x: State, inputs, t_end: float, dt: float) -> fan.Trajectory:
     """A run of the time-stepper with few samples."""
     return fan.simulate(
         puppet,
@@ -134,7 +134,7 @@ def largest_step(
 
     def stands(dt: float) -> bool:
         try:
-            run = stepped(puppet, x, inputs, subject.t_end, dt)
+            run = run_with_steps(puppet, x, inputs, subject.t_end, dt)
         except StateError:
             return False
         if run.t[-1] < subject.t_end - 1e-9 or not np.all(np.isfinite(run.q_D)):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from benchmarks.string_model.measure import TOLERANCE, Measured, measure
+from benchmarks.string_model.measure import TOLERANCE, Measurements, measure
 from benchmarks.string_model.subject import ARM, PUPPET, Subject
 from benchmarks.strings.report import Table, number
 
@@ -27,9 +27,9 @@ HEAD = [
 ]
 
 
-def measured(
+def measure_models(
     subject: Subject, stiffnesses: tuple[float, ...]
-) -> Iterator[tuple[str, str, Measured]]:
+) -> Iterator[tuple[str, str, Measurements]]:
     """Name, EA and figures of the massless strings and of every chain."""
     figures, hand = measure(subject, subject.massless(), None)
     yield "massless", "-", figures
@@ -41,10 +41,12 @@ def measured(
         yield f"{pieces} pieces", f"{EA:g}", measure(subject, puppet, hand)[0]
 
 
-def table(subject: Subject, stiffnesses: tuple[float, ...] = ()) -> tuple[Table, list[Measured]]:
+def table(
+    subject: Subject, stiffnesses: tuple[float, ...] = ()
+) -> tuple[Table, list[Measurements]]:
     """The table, with one row for each model."""
     rows, all_found = [], []
-    for name, EA, m in measured(subject, stiffnesses):
+    for name, EA, m in measure_models(subject, stiffnesses):
         all_found.append(m)
         rows.append(
             [

@@ -38,15 +38,15 @@ def launches() -> Section:
         f = flight(k, LENGTH, MASS, GRAVITY)
         x0 = scenarios.pendulum_start(0.0, -LENGTH, float(np.sqrt(k * GRAVITY * LENGTH)))
         run = _tight(x0, f.t_catch + 1e-3)
-        release, catch = _first(run, "release"), _first(run, "catch")
+        release, catch = _first_event(run, "release"), _first_event(run, "catch")
         after = np.flatnonzero(run.t == catch.t)[-1]
         at_release = np.searchsorted(run.t, release.t)
         lost = f.impulse / MASS / np.linalg.norm(f.v_before)
         d_release, d_catch = abs(release.t - f.t_release), abs(catch.t - f.t_catch)
         d_impulse = abs(catch.impulse / f.impulse - 1.0)
         angles = (
-            abs(_angle(run.q_D[at_release], f.psi)),
-            abs(_angle(run.q_D[after], -3.0 * f.psi)),
+            abs(_polar_angle(run.q_D[at_release], f.psi)),
+            abs(_polar_angle(run.q_D[after], -3.0 * f.psi)),
         )
         if lost >= TRANSVERSE:
             times += [d_release, d_catch]
@@ -65,7 +65,7 @@ def launches() -> Section:
         low = -np.sqrt(LENGTH**2 - x**2)
         t, speed = np.sqrt(2.0 * (z - low) / GRAVITY), np.sqrt(2.0 * GRAVITY * (z - low))
         impulse = MASS * speed * -low / LENGTH
-        catch = _first(_tight(scenarios.pendulum_start(x, z), t + 1e-3), "catch")
+        catch = _first_event(_tight(scenarios.pendulum_start(x, z), t + 1e-3), "catch")
         times.append(abs(catch.t - t))
         impulses.append(abs(catch.impulse / impulse - 1.0))
         rows.append([f"({x:g}, {z:g})", f"{t:.6f}", f"{impulse:.6f}"])
@@ -119,11 +119,11 @@ def _tight(x0: fan.State, t_end: float) -> fan.Trajectory:
     )
 
 
-def _first(run: fan.Trajectory, kind: str) -> EventRecord:
+def _first_event(run: fan.Trajectory, kind: str) -> EventRecord:
     return next(event for event in run.events if event.kind == kind)
 
 
-def _angle(place, polar: float) -> float:
+def _polar_angle(place, polar: float) -> float:
     """Polar angle of a place relative to ``polar``, in (-pi, pi] [rad]."""
     turn = np.arctan2(place[1], place[0]) - polar
     return float((turn + np.pi) % (2.0 * np.pi) - np.pi)

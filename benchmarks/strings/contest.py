@@ -47,7 +47,7 @@ class Entry:
     lowest: float
 
 
-def ours() -> list[Entry]:
+def run_own_methods() -> list[Entry]:
     """Event-driven and time-stepping runs."""
     entries = []
     runs = [("event", f"rtol {number(t, 1)}", float("nan"), {"tolerance": t}) for t in TOLERANCES]
@@ -63,7 +63,7 @@ def ours() -> list[Entry]:
     return entries
 
 
-def theirs() -> list[Entry]:
+def run_rivals() -> list[Entry]:
     """Runs of all rivals with all settings and steps."""
     pairs = [(rivals.PENALTY, k) for k in STIFFNESS]
     pairs += [(method, a) for method in rivals.METHODS[1:] for a in RATES]
@@ -96,7 +96,7 @@ def best(entries: list[Entry]) -> list[Entry]:
 
 def section() -> Section:
     """Tables and a picture."""
-    mine, all_theirs = ours(), theirs()
+    mine, all_theirs = run_own_methods(), run_rivals()
     chosen = mine + best(all_theirs)
     rows = [
         [
@@ -137,7 +137,7 @@ def section() -> Section:
         f"The penalty method with steps of {number(STEPS[-1])} s, and the number of settings and "
         "steps of each method that were lost (not finite or beyond 1 km):",
         *_settings(all_theirs),
-        _seen(mine, all_theirs),
+        _conclusions(mine, all_theirs),
     ]
     _draw(chosen)
     return out
@@ -156,7 +156,7 @@ def _settings(entries: list[Entry]) -> list[Table]:
     ]
 
 
-def _seen(mine: list[Entry], entries: list[Entry]) -> str:
+def _conclusions(mine: list[Entry], entries: list[Entry]) -> str:
     """The smallest errors, from the numbers."""
     alive = [e for e in entries if e.error == e.error]
     rival = min(alive, key=lambda e: e.error)

@@ -32,7 +32,7 @@ class Point:
     events: int
 
 
-def ours(scenario: Scenario, settings, options: Callable[[float], dict]) -> list[Point]:
+def own_points(scenario: Scenario, settings, options: Callable[[float], dict]) -> list[Point]:
     """Our runs with several settings."""
     points = []
     for setting in settings:
@@ -42,7 +42,7 @@ def ours(scenario: Scenario, settings, options: Callable[[float], dict]) -> list
     return points
 
 
-def theirs(scenario: Scenario, make, setting: str, integrator: str = "RK4") -> list[Point]:
+def mujoco_points(scenario: Scenario, make, setting: str, integrator: str = "RK4") -> list[Point]:
     """MuJoCo's runs with all steps."""
     points = []
     for dt in TIME_STEPS:
@@ -57,10 +57,12 @@ def measure(scenario: Scenario, make) -> dict[str, list[Point]]:
     """Runs of every method on one scenario."""
     fixed = {"tolerance": LOOSE}
     return {
-        "event": ours(scenario, TOLERANCES, lambda tol: {"tolerance": tol}),
-        "event, fixed steps": ours(scenario, STEPS, lambda h: {**fixed, "max_step": h}),
-        "timestepping": ours(scenario, TIME_STEPS, lambda dt: {"method": "timestepping", "dt": dt}),
-        **{name: theirs(scenario, make, name.split(", ")[1]) for name in PEERS},
+        "event": own_points(scenario, TOLERANCES, lambda tol: {"tolerance": tol}),
+        "event, fixed steps": own_points(scenario, STEPS, lambda h: {**fixed, "max_step": h}),
+        "timestepping": own_points(
+            scenario, TIME_STEPS, lambda dt: {"method": "timestepping", "dt": dt}
+        ),
+        **{name: mujoco_points(scenario, make, name.split(", ")[1]) for name in PEERS},
     }
 
 
@@ -88,7 +90,7 @@ def section() -> Section:
 def _tables(scenario: Scenario, found: dict[str, list[Point]]) -> list:
     events = len(scenario.events)
     parts = [f"### {scenario.name[0].upper()}{scenario.name[1:]}: {events} events"]
-    parts.append(f"Reference: {scenario.exact}{_how(scenario)}.")
+    parts.append(f"Reference: {scenario.exact}{_reference_text(scenario)}.")
     rows = [[number(p.setting, 1), p.cost, p.events, number(p.error)] for p in found["event"]]
     parts.append(Table(["`event`: rtol = atol", "evaluations", "events", "error"], rows))
     points = found["event, fixed steps"]
@@ -106,11 +108,11 @@ def _tables(scenario: Scenario, found: dict[str, list[Point]]) -> list:
         for p, o, rivals in zip(points, orders, peers, strict=True)
     ]
     head = ["step (s)", "`timestepping`", "order", *PEERS]
-    parts += [Table(head, rows), _seen(found)]
+    parts += [Table(head, rows), _conclusions(found)]
     return parts
 
 
-def _how(scenario: Scenario) -> str:
+def _reference_text(scenario: Scenario) -> str:
     if scenario.exact == "closed form":
         return " (circle arcs by elliptic functions, flights by parabolas)"
     return (
@@ -119,7 +121,7 @@ def _how(scenario: Scenario) -> str:
     )
 
 
-def _seen(found: dict[str, list[Point]]) -> str:
+def _conclusions(found: dict[str, list[Point]]) -> str:
     """Conclusions from the last steps of each method, as text."""
     sentences = [
         f"`event` reaches {number(min(p.error for p in found['event']))}, `timestepping` "

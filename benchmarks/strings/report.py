@@ -64,7 +64,7 @@ class Section:
     marks: list[Mark] = field(default_factory=list)
 
     def markdown(self) -> str:
-        bodies = [wrapped(p) if isinstance(p, str) else p.markdown() for p in self.parts]
+        bodies = [wrap_paragraph(p) if isinstance(p, str) else p.markdown() for p in self.parts]
         return "\n\n".join([f"## {self.title}", *bodies])
 
 
@@ -117,13 +117,13 @@ def machine(packages: Sequence[str] = PACKAGES) -> Table:
 
 def write(path: Path, opening: str, sections: Sequence[Section]) -> None:
     """The whole page."""
-    head = ["# Strings, measured", wrapped(opening), marks_table(sections).markdown()]
+    head = ["# Strings, measured", wrap_paragraph(opening), marks_table(sections).markdown()]
     body = [section.markdown() for section in sections]
     text = "\n\n".join([*head, machine().markdown(), *body]) + "\n"
     path.write_text(text, encoding="utf-8")
 
 
-def wrapped(text: str) -> str:
+def wrap_paragraph(text: str) -> str:
     """A paragraph in lines; headings as they are."""
     if text.startswith("#"):
         return text

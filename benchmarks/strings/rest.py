@@ -30,7 +30,7 @@ LINES = {
 
 
 @dataclass(frozen=True)
-class Course:
+class Motion:
     """A motion of the point mass.
 
     Attributes:
@@ -55,7 +55,7 @@ class Course:
         return np.sum(self.q * self.v, axis=1) / np.hypot(*self.q.T)
 
 
-def courses(x: float, z: float, seconds: float) -> dict[str, Course]:
+def motions(x: float, z: float, seconds: float) -> dict[str, Motion]:
     """The mass released at rest, by every method."""
     x0, by_method = scenarios.pendulum_start(x, z), {}
     grid = STEP * np.arange(round(seconds / STEP) + 1)
@@ -68,19 +68,19 @@ def courses(x: float, z: float, seconds: float) -> dict[str, Course]:
             save_at=grid[1:] if exact else None,
             method=fan.Event() if exact else fan.TimeStepping(dt=STEP),
         )
-        by_method[method] = Course(run.t, run.q_D, run.v_D, run.tension["line"])
+        by_method[method] = Motion(run.t, run.q_D, run.v_D, run.tension["line"])
     for setting in mujoco_peer.DAMPING:
         for integrator in ("Euler", "RK4"):
             peer = mujoco_peer.pendulum(STEP, setting, integrator).put([x, z], [0.0, 0.0])
-            course = Course(grid, *peer.course(len(grid)))
+            course = Motion(grid, *peer.course(len(grid)))
             by_method[f"MuJoCo, {setting}, {integrator}"] = course
     return by_method
 
 
 def section() -> Section:
     """Tables of both, and a picture."""
-    resting = courses(0.0, -LENGTH, REST_SECONDS)
-    falling = courses(DROP_X, 0.0, DROP_SECONDS)
+    resting = motions(0.0, -LENGTH, REST_SECONDS)
+    falling = motions(DROP_X, 0.0, DROP_SECONDS)
     out = Section("5. At rest, and caught: compared with MuJoCo")
     rows = []
     for name, course in resting.items():
@@ -125,7 +125,7 @@ def section() -> Section:
     return out
 
 
-def _draw(resting: dict[str, Course], falling: dict[str, Course], t_catch: float) -> None:
+def _draw(resting: dict[str, Motion], falling: dict[str, Motion], t_catch: float) -> None:
     with picture("strings_rest.png", columns=2, height=3.8) as (rest, drop):
         for name, style in LINES.items():
             key = f"{name}, RK4" if name.startswith("MuJoCo") else name

@@ -170,7 +170,7 @@ def chain() -> Scenario:
     )
 
 
-def launched(k: float) -> Scenario:
+def launched_pendulum(k: float) -> Scenario:
     """A pendulum launched once from the bottom with v0^2 = k g L."""
     speed = float(np.sqrt(k * GRAVITY * LENGTH))
     known = point_mass_events.simulate([0.0, -LENGTH, speed, 0.0], SECONDS, LENGTH, GRAVITY)
@@ -180,7 +180,7 @@ def launched(k: float) -> Scenario:
     return Scenario(name, pendulum(), x0, None, known.state, "SciPy", events)
 
 
-def dropped(x: float, z: float, name: str) -> Scenario:
+def dropped_mass(x: float, z: float, name: str) -> Scenario:
     """A mass dropped from rest on a slack string."""
     known = point_mass_events.simulate([x, z, 0.0, 0.0], SECONDS, LENGTH, GRAVITY)
     events = tuple((t, kind, MASS * lost) for t, kind, lost in known.events)
@@ -191,13 +191,13 @@ def dropped(x: float, z: float, name: str) -> Scenario:
 @functools.cache
 def drop() -> Scenario:
     """A mass dropped next to the pivot, caught, then swinging."""
-    return dropped(DROP_X, 0.0, "mass, dropped beside its pivot")
+    return dropped_mass(DROP_X, 0.0, "mass, dropped beside its pivot")
 
 
 @functools.cache
 def drop_below() -> Scenario:
     """A mass dropped straight below the pivot, caught, then hanging."""
-    return dropped(0.0, -0.3, "mass, dropped below its pivot")
+    return dropped_mass(0.0, -0.3, "mass, dropped below its pivot")
 
 
 @functools.cache

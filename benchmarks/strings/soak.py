@@ -19,12 +19,12 @@ def section() -> Section:
     entries = json.loads(RESULT.read_text(encoding="utf-8"))
     out.parts = [
         "Random puppets under random inputs, run by `make soak`.",
-        Table(["entry", "value"], [[_words(k), _shown(v)] for k, v in entries.items()]),
+        Table(["entry", "value"], [[_label(k), _shown(v)] for k, v in entries.items()]),
     ]
     return out
 
 
-def _words(name: str) -> str:
+def _label(name: str) -> str:
     return name.replace("_", " ")
 
 
@@ -32,7 +32,7 @@ def _shown(value) -> str:
     if isinstance(value, float):
         return number(value, 3)
     if isinstance(value, dict):
-        return ", ".join(f"{_words(k)} {_shown(v)}" for k, v in value.items()) or "none"
+        return ", ".join(f"{_label(k)} {_shown(v)}" for k, v in value.items()) or "none"
     if isinstance(value, list):
         return ", ".join(map(_shown, value)) or "none"
     return str(value).replace("|", "\\|")

@@ -21,7 +21,7 @@ def problems() -> list[Scenario]:
     """All motions with a known end."""
     return [
         scenarios.chain(),
-        *(scenarios.launched(k) for k in (2.05, 3.0, 4.5)),
+        *(scenarios.launched_pendulum(k) for k in (2.05, 3.0, 4.5)),
         scenarios.drop(),
         scenarios.drop_below(),
         scenarios.reeling(25)[0],
@@ -69,12 +69,12 @@ def defaults() -> Section:
             ],
             rows,
         ),
-        *_many(),
+        *_random_drops(),
     ]
     return out
 
 
-def _many() -> list[str | Table]:
+def _random_drops() -> list[str | Table]:
     """The arm dropped from random poses: looser tolerances against the tightest."""
     rng, starts = np.random.default_rng(1), []
     while len(starts) < STARTS:
@@ -86,12 +86,12 @@ def _many() -> list[str | Table]:
         x0 = scenarios.arm().state(values)
         if scenarios.arm().constraint(x0)[0] < -0.01:
             starts.append(x0)
-    best, rows, events, worse = [_dropped(x0, 1e-13) for x0 in starts], [], 0, 0
+    best, rows, events, worse = [_drop_error(x0, 1e-13) for x0 in starts], [], 0, 0
     above = max(scenarios.arm_fall().errors(scenarios.arm_fall().run()))
     for tolerance in (1e-9, 1e-10, 1e-11, 1e-12):
         errors = []
         for x0, known in zip(starts, best, strict=True):
-            run = _dropped(x0, tolerance)
+            run = _drop_error(x0, tolerance)
             events = max(events, len(run.events))
             apart = [run.q_D[-1] - known.q_D[-1], run.v_D[-1] - known.v_D[-1]]
             errors.append(float(np.max(np.abs(apart))))
@@ -108,7 +108,7 @@ def _many() -> list[str | Table]:
     ]
 
 
-def _dropped(x0: fan.State, tolerance: float) -> fan.Trajectory:
+def _drop_error(x0: fan.State, tolerance: float) -> fan.Trajectory:
     return fan.simulate(
         scenarios.arm(),
         x0,

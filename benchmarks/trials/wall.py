@@ -23,7 +23,7 @@ strings:
 """
 
 
-def least(run: fan.Trajectory, at: float, thickness: float, top: float) -> float:
+def smallest_distance(run: fan.Trajectory, at: float, thickness: float, top: float) -> float:
     """Smallest distance of bob and string from the upright wall below ``top`` [m]."""
     t = np.linspace(run.t[0], run.t[-1], 40_001)
     now = run.resample(t)
@@ -54,7 +54,7 @@ def main() -> None:
                 text = f"{thickness:g} m, top {top:g} m, seed {seed}: {'plan' if plan else 'none'}"
                 if plan:
                     event = plan.verify(method="event")
-                    own = least(event.run, 0.4, thickness, top)
+                    own = smallest_distance(event.run, 0.4, thickness, top)
                     text += f", arrives {event.arrives}, clearance {own:.5f} m in closed form"
                 print(text, flush=True)
 

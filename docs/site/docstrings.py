@@ -11,16 +11,16 @@ SHARED = re.compile(r"^( +)(\*?\w+(?:, \*?\w+)+): ", re.MULTILINE)
 """An entry for several arguments, ``rtol, atol: ...``."""
 
 
-def split(match: re.Match[str]) -> str:
+def split_arguments(match: re.Match[str]) -> str:
     """One entry for each argument; all but the last refer to it."""
     indent, names = match[1], match[2].split(", ")
     others = "".join(f"{indent}{name}: see `{names[-1]}`.\n" for name in names[:-1])
     return f"{others}{indent}{names[-1]}: "
 
 
-def rewritten(text: str) -> str:
+def docstring_markdown(text: str) -> str:
     """Text of a docstring as Markdown, with one entry for each argument."""
     text = ROLE.sub(r"`\1`", text).replace("::\n\n", ":\n\n")
     head, mark, rest = text.partition("Args:")
     arguments, end, rest = rest.partition("\n\n")
-    return head + mark + SHARED.sub(split, arguments) + end + rest
+    return head + mark + SHARED.sub(split_arguments, arguments) + end + rest

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from docs.site.docstrings import rewritten
+from docs.site.docstrings import docstring_markdown
 from griffe import Extension, Object
 
 
@@ -13,4 +13,4 @@ class Docstrings(Extension):
 
     def on_object(self, *, obj: Object, **_: Any) -> None:
         if obj.docstring:
-            obj.docstring.value = rewritten(obj.docstring.value)
+            obj.docstring.value = docstring_markdown(obj.docstring.value)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from docs.site import examples, reference
-from docs.site.links import PAGES, ROOT, for_site
+from docs.site.links import PAGES, ROOT, rewrite_links
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
@@ -56,4 +56,4 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
     uri = page.file.src_uri
     if uri.startswith(GENERATED):
         return markdown
-    return for_site(markdown, SOURCES.get(uri, str(Path("docs") / uri)))
+    return rewrite_links(markdown, SOURCES.get(uri, str(Path("docs") / uri)))

@@ -19,7 +19,7 @@ LINK = re.compile(r"(!?)\[([^\]]*)\]\(([^)#\s]*)(#[^)\s]*)?\)")
 """A Markdown link or picture: mark, text, file, anchor."""
 
 
-def target(path: str) -> str | None:
+def site_path(path: str) -> str | None:
     """Page or picture of the site for a file of the repository, or None."""
     if path in PAGES:
         return PAGES[path]
@@ -30,20 +30,20 @@ def target(path: str) -> str | None:
     return path.removeprefix("docs/") if path.startswith("docs/") else None
 
 
-def for_site(markdown: str, source: str) -> str:
+def rewrite_links(markdown: str, source: str) -> str:
     """A page with its links rewritten; a link that leaves the site becomes plain text.
 
     Args:
         markdown: the page's text.
         source: its file, relative to the repository's root.
     """
-    page = target(source) or source
+    page = site_path(source) or source
 
     def rewrite(match: re.Match[str]) -> str:
         mark, text, file, anchor = match[1], match[2], match[3], match[4] or ""
         if not file or "://" in file:
             return match[0]
-        linked = target(posixpath.normpath(posixpath.join(posixpath.dirname(source), file)))
+        linked = site_path(posixpath.normpath(posixpath.join(posixpath.dirname(source), file)))
         if linked is None:
             return text
         return (

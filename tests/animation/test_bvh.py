@@ -12,7 +12,7 @@ from tests.animation.test_glb import still_of
 from tests.plays.tiny import write_play
 
 import fantoccini as fan
-from fantoccini.output.animation.euler import euler, euler_angles
+from fantoccini.output.animation.euler import euler_angles, order_and_angles
 from fantoccini.theatre.capture import Capture
 
 pytestmark = pytest.mark.slow
@@ -27,7 +27,7 @@ BODIES = {"torso", "skull", *(f"{x}_{side}" for x in SIDES for side in ("left", 
 """Bodies of the marionette."""
 
 
-def placed(run: fan.Trajectory, fps: float) -> dict[str, np.ndarray]:
+def frame_poses(run: fan.Trajectory, fps: float) -> dict[str, np.ndarray]:
     """(T, 3, 4) poses of all links at the frames, turned to y up."""
     t = run.t[0] + np.arange(int(run.duration * fps * (1 + 1e-12)) + 1) / fps
     still, even = still_of(run), run.resample(np.minimum(t, run.t[-1]))
@@ -37,7 +37,7 @@ def placed(run: fan.Trajectory, fps: float) -> dict[str, np.ndarray]:
 
 def check(clip: Capture, run: fan.Trajectory, fps: float) -> set[str]:
     """Joints have the places and orientations of the bodies; returns the names of the bodies."""
-    poses, joints = placed(run, fps), set(clip.skeleton.names)
+    poses, joints = frame_poses(run, fps), set(clip.skeleton.names)
     bodies = joints & {link.name for link in still_of(run).tree.links}
     for name in bodies:
         k = clip.skeleton.index(name)
@@ -59,7 +59,7 @@ def test_pybvh_places_the_bodies_as_the_run_does(greeting: fan.Trajectory, tmp_p
     path = fan.export(greeting, tmp_path / "greeting.bvh", fps=24)
     clip = pybvh.read_bvh_file(path, world_up="+y")
     theirs = pybvh.frames_to_node_positions(clip)
-    poses, names = placed(greeting, 24), [node.name for node in clip.nodes]
+    poses, names = frame_poses(greeting, 24), [node.name for node in clip.nodes]
     assert clip.frame_time == pytest.approx(1 / 24, abs=1e-12)
     assert set(names) >= BODIES and clip.root.name == "torso"
     for name in BODIES:
@@ -117,7 +117,7 @@ def test_members_and_sliding_bodies_have_places_under_one_root(tmp_path: Path) -
         assert clip.skeleton.names[0] == run.puppet.name
         assert clip.skeleton.parents.count(-1) == 1
         assert check(clip, run, 10) == bodies
-        poses = placed(run, 10)
+        poses = frame_poses(run, 10)
         moved = [np.ptp(poses[name][..., 3], axis=0).max() for name in sorted(bodies)]
         assert max(moved) > 0.05
         other.loadPose(5)
@@ -160,7 +160,7 @@ def test_a_hinge_turns_repeatedly_about_one_axis(axis: int) -> None:
     about = np.linspace(0.1, 20.0, 500)
     q = np.zeros((500, 4))
     q[:, 0], q[:, 1 + axis] = np.cos(about / 2), np.sin(about / 2)
-    order, angles = euler(q)
+    order, angles = order_and_angles(q)
     assert order == "ZXY"
     wanted = np.zeros((500, 3))
     wanted[:, "ZXY".index("XYZ"[axis])] = about
@@ -174,7 +174,7 @@ def test_another_order_is_used_near_gimbal_lock() -> None:
     turned = Rotation.from_rotvec(np.column_stack([0.3 * swing, 0.3 * swing, 0 * swing])) * turned
     q = np.roll(turned.as_quat(), 1, axis=1)
     assert np.abs(np.diff(euler_angles(q, "ZXY"), axis=0)).max() > 0.1
-    order, angles = euler(q)
+    order, angles = order_and_angles(q)
     assert order != "ZXY"
     assert np.abs(np.diff(angles, axis=0)).max() < 0.03
     back = Rotation.from_euler(order, angles)

@@ -19,7 +19,7 @@ from fantoccini.model.tree import grow
 from fantoccini.output.view import rope
 from fantoccini.output.view.geometry import chain_points
 from fantoccini.output.view.shapes import link_solids
-from fantoccini.output.view.still import Still
+from fantoccini.output.view.still import UncompiledPuppet
 
 pytestmark = [pytest.mark.medium, pytest.mark.long]
 
@@ -29,8 +29,8 @@ TOLERANCE = 1e-5 + 1e-6
 RNG = np.random.default_rng(7)
 
 
-def still_of(run: fan.Trajectory) -> Still:
-    return Still(run.puppet, grow(run.puppet))
+def still_of(run: fan.Trajectory) -> UncompiledPuppet:
+    return UncompiledPuppet(run.puppet, grow(run.puppet))
 
 
 def times_of(run: fan.Trajectory) -> np.ndarray:
@@ -49,7 +49,7 @@ def errors(path: Path, run: fan.Trajectory) -> dict[str, float]:
         corners = [np.zeros(3)]
         for solid in link_solids(still.tree):
             if solid.link == k:
-                half = solid.half if solid.kind == "ellipsoid" else solid.radius * np.eye(3)
+                half = solid.half_axes if solid.kind == "ellipsoid" else solid.radius * np.eye(3)
                 corners += [p + s * r for p in solid.points for r in half.T for s in (-1, 1)]
         at = np.array(corners)
         wanted = at @ poses[:, k, :, :3].swapaxes(1, 2) + poses[:, k, None, :, 3]
@@ -155,7 +155,7 @@ def test_slack_strings_sag_by_their_length(greeting: fan.Trajectory, greeting_gl
     points = still.string_points(run.q_D, run.q_K)["head"]
     rings = player.vertices("head", t).reshape(len(t), -1, 3, 3).mean(axis=2)
     for k in np.flatnonzero(slack):
-        curve = rope.hanging(*points[k], lengths[k], 400) @ UP.T
+        curve = rope.hanging_curve(*points[k], lengths[k], 400) @ UP.T
         gaps = np.linalg.norm(rings[k][:, None] - curve[None], axis=2).min(axis=1)
         # 1 mm for a scene of 1 m, for shapes and for keys, and the curve's own points.
         assert gaps.max() < 3.5e-3

@@ -9,7 +9,7 @@ import pytest
 from tests.animation.glb_reader import UP, Player
 from tests.animation.test_glb import TOLERANCE, still_of
 from tests.animation.three import three
-from tests.show.browser import colours, picture
+from tests.show.browser import count_colours, picture
 
 import fantoccini as fan
 
@@ -41,7 +41,7 @@ def test_three_js_shows_the_run(greeting: fan.Trajectory, greeting_glb: Path) ->
 
         drawn = page.draw(8.0, (2.6, 0.9, 1.2), (0.0, 0.55, 0.0))
         assert drawn > 5000
-        assert colours(picture(page.browser, "three_greeting")) > 40
+        assert count_colours(picture(page.browser, "three_greeting")) > 40
 
 
 def test_three_js_keeps_the_jump_of_a_catch(thrown: fan.Trajectory, tmp_path: Path) -> None:

@@ -18,7 +18,7 @@ from pxr import Usd, UsdGeom, UsdShade  # noqa: E402
 pytestmark = pytest.mark.medium
 
 
-def opened(path: Path) -> Usd.Stage:
+def open_usd(path: Path) -> Usd.Stage:
     return Usd.Stage.Open(str(path))
 
 
@@ -31,7 +31,7 @@ def pose(stage: Usd.Stage, name: str, code: float) -> np.ndarray:
 
 @pytest.mark.parametrize("ending", [".usda", ".usdc"])
 def test_frames_are_exact(greeting: fan.Trajectory, tmp_path: Path, ending: str) -> None:
-    stage = opened(fan.export(greeting, tmp_path / f"greeting{ending}", fps=24))
+    stage = open_usd(fan.export(greeting, tmp_path / f"greeting{ending}", fps=24))
     assert UsdGeom.GetStageUpAxis(stage) == "Z"
     assert UsdGeom.GetStageMetersPerUnit(stage) == 1.0
     assert stage.GetTimeCodesPerSecond() == stage.GetFramesPerSecond() == 24.0
@@ -55,7 +55,7 @@ def test_between_frames_the_error_falls_with_the_square_of_the_rate(
     wanted = still.poses(run.q_D, run.q_K)[:, k, :, 3]
     off = []
     for fps in (30, 120):
-        stage = opened(fan.export(greeting, tmp_path / f"{fps}.usdc", fps=fps))
+        stage = open_usd(fan.export(greeting, tmp_path / f"{fps}.usdc", fps=fps))
         places = np.array([pose(stage, "shin_left", fps * time)[:, 3] for time in t])
         off.append(np.percentile(np.linalg.norm(places - wanted, axis=1), 90))
     assert off[0] < 1e-3
@@ -63,7 +63,7 @@ def test_between_frames_the_error_falls_with_the_square_of_the_rate(
 
 
 def test_strings_end_on_their_bodies_and_sag(greeting: fan.Trajectory, tmp_path: Path) -> None:
-    stage = opened(fan.export(greeting, tmp_path / "greeting.usdc", fps=20))
+    stage = open_usd(fan.export(greeting, tmp_path / "greeting.usdc", fps=20))
     still, t = still_of(greeting), np.arange(201) / 20
     run = greeting.resample(t)
     lengths = still.string_lengths(run.q_D, run.q_K)
@@ -78,7 +78,7 @@ def test_strings_end_on_their_bodies_and_sag(greeting: fan.Trajectory, tmp_path:
 
 
 def test_bodies_have_shapes_and_materials(thrown: fan.Trajectory, tmp_path: Path) -> None:
-    stage = opened(fan.export(thrown, tmp_path / "thrown.usda"))
+    stage = open_usd(fan.export(thrown, tmp_path / "thrown.usda"))
     assert stage.GetDefaultPrim().GetName() == "string_pendulum"
     assert stage.GetFramesPerSecond() == 60.0
     ball = stage.GetPrimAtPath("/string_pendulum/bob/bob_shape1")
@@ -92,7 +92,7 @@ def test_bodies_have_shapes_and_materials(thrown: fan.Trajectory, tmp_path: Path
 
 
 def test_names_that_usd_refuses_are_display_names(greeting: fan.Trajectory, tmp_path: Path) -> None:
-    stage = opened(fan.export(greeting, tmp_path / "greeting.usdc", fps=1, bodies=["skull"]))
+    stage = open_usd(fan.export(greeting, tmp_path / "greeting.usdc", fps=1, bodies=["skull"]))
     prim = stage.GetPrimAtPath("/marionette/head_end")
     assert prim.GetDisplayName() == "head.end"
     assert not stage.GetPrimAtPath("/marionette/torso")
@@ -109,7 +109,7 @@ def test_a_missing_library_has_an_install_command(
 
 
 def test_materials_are_called_after_their_colours(thrown: fan.Trajectory, tmp_path: Path) -> None:
-    stage = opened(fan.export(thrown, tmp_path / "thrown.usda"))
+    stage = open_usd(fan.export(thrown, tmp_path / "thrown.usda"))
     ball = stage.GetPrimAtPath("/string_pendulum/bob/bob_shape1")
     string = stage.GetPrimAtPath("/string_pendulum/line")
     materials = [
@@ -124,7 +124,7 @@ def test_a_body_may_be_called_materials(tmp_path: Path) -> None:
         "radius: 0.1, mass: 1}]}]\n"
     )
     run = fan.simulate(puppet, puppet.state(), t_end=0.1, method="timestepping")
-    stage = opened(fan.export(run, tmp_path / "a.usda"))
+    stage = open_usd(fan.export(run, tmp_path / "a.usda"))
     assert stage.GetPrimAtPath("/p/materials").GetTypeName() == "Xform"
     shape = stage.GetPrimAtPath("/p/materials/materials_shape1")
     assert UsdShade.MaterialBindingAPI(shape).ComputeBoundMaterial()[0]

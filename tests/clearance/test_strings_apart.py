@@ -71,7 +71,9 @@ def expected(seed: int, slack: float) -> dict[tuple[str, str], np.ndarray]:
     stage, (q_D, q_K, t) = scene(), wandering(seed, slack)
     lengths, places = stage.string_lengths(q_D, q_K), stage.string_points(q_D, q_K).values()
     clouds = {
-        string.name: np.array([rope.path(place[k], lengths[k, n], N_POINTS) for k in range(len(t))])
+        string.name: np.array(
+            [rope.slack_curve(place[k], lengths[k, n], N_POINTS) for k in range(len(t))]
+        )
         for n, (string, place) in enumerate(zip(stage.tree.strings, places, strict=True))
     }
     names, distances = list(clouds), {}
@@ -308,7 +310,7 @@ def test_slack_strings_hang_as_in_pictures():
     span = np.linalg.norm(end - start, axis=1)
     length = span * (1.0 + 10.0 ** rng.uniform(-5, 0, 30))
     for n, points in enumerate(slack_curves(start, end, length)):
-        drawn = rope.hanging(start[n], end[n], length[n], 2000)
+        drawn = rope.hanging_curve(start[n], end[n], length[n], 2000)
         gaps = segment_distance(
             *(np.repeat(x, 1999, axis=0) for x in (points, points)),
             *(np.tile(x, (len(points), 1)) for x in (drawn[:-1], drawn[1:])),

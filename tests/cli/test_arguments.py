@@ -15,7 +15,7 @@ from tests.cli.command import fantoccini, mistake
 
 import fantoccini as fan
 from fantoccini.app.cli import doctor
-from fantoccini.app.cli_support.terminal import printable
+from fantoccini.app.cli_support.terminal import escape_unprintable
 from fantoccini.base.errors import BuildError
 
 pytestmark = pytest.mark.medium
@@ -173,7 +173,7 @@ def test_an_impossible_start_is_a_mistake(start, message) -> None:
 
 def test_names_are_neither_markup_nor_control_characters(tmp_path) -> None:
     path = tmp_path / "[red]x[red]\x1b[31m.yaml"
-    assert mistake("check", path).startswith(printable(path))
+    assert mistake("check", path).startswith(escape_unprintable(path))
     path.write_text("puppet: '[bold]\\x1b'\n")
     text = mistake("check", path)
     assert "[red]x[red]\\x1b[31m.yaml:1: puppet: found '[bold]" in text
@@ -181,8 +181,11 @@ def test_names_are_neither_markup_nor_control_characters(tmp_path) -> None:
 
 
 def test_plain_text_keeps_letters_and_line_breaks() -> None:
-    assert printable("héllo\n\N{GREEK SMALL LETTER THETA}") == "héllo\n\N{GREEK SMALL LETTER THETA}"
-    assert printable("a\x1b\x07\u202e\udcff") == "a\\x1b\\x07\\u202e\\udcff"
+    assert (
+        escape_unprintable("héllo\n\N{GREEK SMALL LETTER THETA}")
+        == "héllo\n\N{GREEK SMALL LETTER THETA}"
+    )
+    assert escape_unprintable("a\x1b\x07\u202e\udcff") == "a\\x1b\\x07\\u202e\\udcff"
 
 
 @pytest.mark.parametrize("of", ["puppet", "scene", "inputs", "play", "problem", "task"])

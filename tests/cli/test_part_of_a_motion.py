@@ -27,7 +27,7 @@ def swung(tmp_path_factory) -> Path:
     return path
 
 
-def seconds(film: Path) -> float:
+def film_duration(film: Path) -> float:
     """Duration of a film."""
     frames, _ = imageio_ffmpeg.count_frames_and_secs(str(film))
     return frames / 10.0
@@ -44,7 +44,7 @@ def test_a_part_is_exported_in_every_format(swung, tmp_path):
     assert np.allclose(run.q_D[0], whole.at(0.5).q_D, atol=1e-12)
     rows = (tmp_path / "part.csv").read_text().splitlines()
     assert [float(rows[k].split(",")[0]) for k in (1, -1)] == [0.5, 1.25]
-    assert seconds(tmp_path / "part.mp4") == pytest.approx(0.75, abs=0.11)
+    assert film_duration(tmp_path / "part.mp4") == pytest.approx(0.75, abs=0.11)
     content = (tmp_path / "part.glb").read_bytes()
     size = int.from_bytes(content[12:16], "little")
     scene = json.loads(content[20 : 20 + size])
@@ -89,7 +89,7 @@ def test_a_film_of_a_part_and_its_captions(tmp_path):
     look = ("--size", "160x120", "--fps", "10", "--from", "0.75", "--to", "2.5")
     done = fantoccini("play", play, *films, *look)
     assert done.exit_code == 0, done.stderr
-    assert seconds(tmp_path / "a.mp4") == pytest.approx(1.75, abs=0.11)
+    assert film_duration(tmp_path / "a.mp4") == pytest.approx(1.75, abs=0.11)
     captions = fan.load_play(play).score.captions
     assert captions[0].start == pytest.approx(0.5)
     end = round(1000 * (min(captions[0].end, 2.5) - 0.75))

@@ -24,8 +24,8 @@ from fantoccini.stand import (
     GrblMachine,
     Receiver,
     gcode,
+    gcode_lines,
     grbl_settings,
-    lines_of,
     sending,
 )
 from fantoccini.stand.sending import REPEAT_TIME
@@ -127,7 +127,7 @@ def machine_of(points):
 
 def test_two_ctrl_c_stop_grbl_and_it_resumes_from_the_line(files):
     points = points_of(files, "grbl")
-    lines = [line.text for line in lines_of(gcode(points))]
+    lines = [line.text for line in gcode_lines(gcode(points))]
     with Emulator(machine_of(points), pace=PACE) as emulator:
         machine = emulator.machine
         options = ("--controller", "grbl", "--port", emulator.port)
@@ -152,7 +152,7 @@ def test_two_ctrl_c_stop_grbl_and_it_resumes_from_the_line(files):
         assert np.min(p) < stopped_at < np.max(p)
         assert re.search(r"line \d+: 'G1X\S+': stopped here", stderr)
         line = re.search(r"continue with --from-line (\d+)", stderr)[1]
-        number = lines_of(gcode(points))[n_taken - 1].number
+        number = gcode_lines(gcode(points))[n_taken - 1].number
         assert int(re.search(r"accepted all lines up to (\d+)", stderr)[1]) == number
         assert 1 < number - int(line) <= points.controller.planner
         begun = machine.time
@@ -178,7 +178,7 @@ def test_a_controller_that_restarts_or_is_unplugged_is_noticed_at_once(files, ev
         options = ("--controller", "grbl", "--port", emulator.port)
         with streaming(files, *options) as process:
             wait_until(lambda: len(emulator.lines) > 40)
-            last_line, begun = lines_of(gcode(points))[len(emulator.lines) - 1], time.monotonic()
+            last_line, begun = gcode_lines(gcode(points))[len(emulator.lines) - 1], time.monotonic()
             if event == "restarts":
                 terminal = os.open(emulator.port, os.O_WRONLY | os.O_NOCTTY)
                 os.write(terminal, b"\x18")
@@ -207,7 +207,7 @@ def test_enter_resumes_without_loss(files):
             assert len(emulator.lines) < 70
             code, _, stderr = process.end("\n")
         assert code == 0, stderr
-        assert emulator.lines == [line.text for line in lines_of(gcode(points))]
+        assert emulator.lines == [line.text for line in gcode_lines(gcode(points))]
         assert emulator.resets == 0
 
 
@@ -245,7 +245,7 @@ def test_two_ctrl_c_hold_the_last_position_and_packets_resume_from_the_time(file
     again = stand.steps[sent:, 0] / unit
     assert again[0] == pytest.approx(held[0] / unit, abs=1.1e-3)
     assert again[-1] == pytest.approx(p[-1], abs=1.0 / unit)
-    assert stand.wrong == 0
+    assert stand.n_unreadable == 0
     rest = round(REPEAT_TIME * points.rate)
     assert np.all(again[:rest] == again[0]) and np.ptp(again) > 0.05
 
@@ -337,7 +337,7 @@ def test_a_dry_run_sends_nothing(files):
             "0.5",
         )
         time.sleep(0.1)
-    assert len(stand) == stand.wrong == 0
+    assert len(stand) == stand.n_unreadable == 0
     rows = [re.fullmatch(r"(\S+) 1=(\d+)", line).groups() for line in done.stdout.splitlines()]
     t, value = np.array(rows, float).T
     np.testing.assert_allclose(t, np.arange(20, 61) / 40.0)

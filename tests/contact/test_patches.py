@@ -63,7 +63,7 @@ class Course:
     """Output of patches.cpp, by step."""
 
     def __init__(self, marionette: fan.Marionette, x: fan.State, steps: int):
-        program = programs.compiled(marionette, DT, HERE / "patches.cpp")
+        program = programs.compile_scene(marionette, DT, HERE / "patches.cpp")
         rows: NDArray = np.array(program.numbers(x, str(steps))).reshape(steps, 6)
         self.apart, self.speed, held, self.points, self.residual, self.alone = rows.T
         self.held = held > 0.5

@@ -46,8 +46,8 @@ def test_eight_events_at_tight_tolerance(chain):
     "make",
     [
         scenarios.chain,
-        lambda: scenarios.launched(2.05),
-        lambda: scenarios.launched(3.0),
+        lambda: scenarios.launched_pendulum(2.05),
+        lambda: scenarios.launched_pendulum(3.0),
         scenarios.drop,
         scenarios.drop_below,
         lambda: scenarios.reeling(25)[0],

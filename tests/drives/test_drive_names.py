@@ -23,7 +23,7 @@ def table(text: str):
     return grow(loads(text)).coordinates
 
 
-def said(make, *given) -> list[tuple[str, str]]:
+def message_of(make, *given) -> list[tuple[str, str]]:
     with pytest.raises(InputError) as caught:
         make(*given)
     return [(problem.key, problem.message) for problem in caught.value.mistakes]
@@ -32,11 +32,11 @@ def said(make, *given) -> list[tuple[str, str]]:
 def test_two_names_for_one_input_are_a_mistake():
     bob, way = table(BOB), [(0, 0.8), (1, 0.7)]
     both = {"line.length": way, "line.command.length": way}
-    ((key, message),) = said(Input.waypoints, bob, both)
+    ((key, message),) = message_of(Input.waypoints, bob, both)
     assert key == "['line.command.length']"
     assert message == "is given twice: as line.length and as line.command.length; leave one out"
     columns = dict.fromkeys(both, np.array([0.8, 0.7]))
-    assert said(Input.samples, bob, [0, 1], columns) == [(key, message)]
+    assert message_of(Input.samples, bob, [0, 1], columns) == [(key, message)]
 
 
 def test_a_rotation_comes_in_four_columns_of_either_name(tmp_path):
@@ -56,13 +56,13 @@ def test_a_rotation_comes_in_four_columns_of_either_name(tmp_path):
         np.testing.assert_array_equal(other.base, inputs[0].base)
     columns = dict(zip(("head.qw", "head.qx", "head.qy", "head.qz"), q.T, strict=True))
     for also in ("head.rotation", "head.command.rotation"):
-        ((_, message),) = said(Input.samples, machines, t, columns | {also: q})
+        ((_, message),) = message_of(Input.samples, machines, t, columns | {also: q})
         assert message.startswith("is given twice")
     del columns["head.qz"]
-    assert said(Input.samples, machines, t, columns) == [
+    assert message_of(Input.samples, machines, t, columns) == [
         ("head.qw", "needs the columns head.qz as well")
     ]
-    ((_, message),) = said(Input.waypoints, machines, {"head.qw": [(0, 1.0)]})
+    ((_, message),) = message_of(Input.waypoints, machines, {"head.qw": [(0, 1.0)]})
     assert message.startswith("is one number of a rotation")
 
 

@@ -44,7 +44,7 @@ SOFT_WITHOUT_MOTOR = "    control: {type: pd, stiffness: 0.01, damping: 0.001}\n
 METHODS = ("event", "timestepping", "variational")
 
 
-def fine(method: str) -> fan.dynamics.Method:
+def with_short_steps(method: str) -> fan.dynamics.Method:
     """A method with short steps."""
     return method_of(method, dt=1e-4)
 
@@ -59,7 +59,7 @@ def servoed():
     return fan.loads(HOIST + SERVO)
 
 
-def lost(run) -> list[float]:
+def lost_steps(run) -> list[float]:
     return [e.t for e in run.events if e.kind == "lost_step"]
 
 
@@ -82,15 +82,15 @@ def time_of_first_lost_step(torque: float) -> float:
 def test_a_weak_stepper_loses_steps(stepped, method):
     """Steps are lost at the times of the rotor's equation, and the run is not DONE."""
     x0, weak = stepped.rest({"line.length": COMMANDED_LENGTH}), stepped.with_parameters({"T": 0.02})
-    run = fan.simulate(weak, x0, t_end=0.04, method=fine(method), throw=False)
+    run = fan.simulate(weak, x0, t_end=0.04, method=with_short_steps(method), throw=False)
     first = time_of_first_lost_step(0.02)
-    assert lost(run)[0] == pytest.approx(first, abs=1e-8 if method == "event" else 3e-4)
+    assert lost_steps(run)[0] == pytest.approx(first, abs=1e-8 if method == "event" else 3e-4)
     assert run.status is Status.LOST_STEPS and run.t[-1] == 0.04
     assert run.causes == ("line.length",)
     drive = run.summary()["drives"]["line.length"]
     assert drive["lost_steps"] == 3 and not drive["ran_away"] and drive["error"] < 0
-    strong = fan.simulate(stepped, x0, t_end=0.04, method=fine(method))
-    assert not lost(strong) and not strong.summary()["drives"]
+    strong = fan.simulate(stepped, x0, t_end=0.04, method=with_short_steps(method))
+    assert not lost_steps(strong) and not strong.summary()["drives"]
 
 
 def test_an_overstepped_row_precedes_lost_steps():
@@ -99,12 +99,12 @@ def test_an_overstepped_row_precedes_lost_steps():
     puppet = fan.loads((HOIST + STEPPER).replace("drives:", f"  - {link}\ndrives:"))
     x0, weak = puppet.rest({"line.length": COMMANDED_LENGTH}), puppet.with_parameters({"T": 0.02})
     inputs = [fan.Input.waypoints(weak, {"link.x": [(0, 2.5), (0.04, x)]}) for x in (2.5, 2.6)]
-    how = {"t_end": 0.04, "method": fine("timestepping")}
+    how = {"t_end": 0.04, "method": with_short_steps("timestepping")}
     runs = [fan.simulate(weak, x0, x_inputs, throw=False, **how) for x_inputs in inputs]
     many = fan.simulate_batch(weak, x0, inputs, **how)
     for statuses in ([run.status for run in runs], many.status.tolist()):
         assert statuses == [Status.LOST_STEPS, Status.OVERSTEPPED]
-    assert lost(runs[1]) and not runs[1].causes and not many.causes(1)
+    assert lost_steps(runs[1]) and not runs[1].causes and not many.causes(1)
 
 
 def test_a_flows_guard_locates_the_first_lost_step(stepped):
@@ -126,7 +126,7 @@ def test_a_winch_that_runs_away_ends_the_run(stepped, method, capsys):
     """It does not fall for ever; the message states a sufficient holding torque."""
     x0, weak = stepped.rest({"line.length": COMMANDED_LENGTH}), stepped.with_parameters({"T": 0.02})
     with pytest.raises(SimulationError, match=r"line\.length ran away from t = 0\.01") as caught:
-        fan.simulate(weak, x0, t_end=5.0, method=fine(method))
+        fan.simulate(weak, x0, t_end=5.0, method=with_short_steps(method))
     run = caught.value.trajectory
     assert run.status is Status.RUNAWAY and caught.value.status is run.status
     out = run.q_D[-1, run.coordinates.q_D.index("line.length")] - 0.5
@@ -136,7 +136,10 @@ def test_a_winch_that_runs_away_ends_the_run(stepped, method, capsys):
     assert "line.length ran away" in capsys.readouterr().out
     held = stepped.with_parameters({"T": 1.02 * LOAD})
     run = fan.simulate(
-        held, held.rest({"line.length": COMMANDED_LENGTH}), t_end=0.2, method=fine(method)
+        held,
+        held.rest({"line.length": COMMANDED_LENGTH}),
+        t_end=0.2,
+        method=with_short_steps(method),
     )
     assert run.status is Status.DONE
 
@@ -147,13 +150,13 @@ def test_a_servo_that_is_too_weak_runs_away(servoed, method):
     x0, torque = servoed.state({"line.length": COMMANDED_LENGTH}), 0.02
     x0 = servoed.project(x0)
     weak = servoed.with_parameters({"T": torque})
-    run = fan.simulate(weak, x0, t_end=0.4, method=fine(method), throw=False)
+    run = fan.simulate(weak, x0, t_end=0.4, method=with_short_steps(method), throw=False)
     (event,) = [e for e in run.events if e.kind == "runaway"]
     fall = 0.01 * (LOAD - torque) / (0.3 * 0.01**2 + 1e-5)
     assert event.name == "line.length"
     assert event.t == pytest.approx(np.sqrt(0.2 / fall), rel=0.03)
     assert run.status is Status.RUNAWAY and run.t[-1] == 0.4
-    strong = fan.simulate(servoed, x0, t_end=0.4, method=fine(method))
+    strong = fan.simulate(servoed, x0, t_end=0.4, method=with_short_steps(method))
     assert strong.status is Status.DONE
 
 
@@ -175,11 +178,13 @@ def test_batches_report_each_lane(stepped):
     rough = fan.Input.waypoints(stepped, {"line.length": [(0, COMMANDED_LENGTH), (0.03, 0.35)]})
     inputs = [gentle, rough.extended(0.2).bound(x0.q_K), gentle]
     for method in ("timestepping", "variational"):
-        many = fan.simulate_batch(stepped, x0, inputs, t_end=0.8, method=fine(method))
+        many = fan.simulate_batch(stepped, x0, inputs, t_end=0.8, method=with_short_steps(method))
         assert many.status.tolist() == [Status.DONE, Status.RUNAWAY, Status.DONE]
         assert many.causes(1) == ("line.length",) and not many.causes(0)
         assert many.reached[1] < 0.8 == many.reached[0]
-        single = fan.simulate(stepped, x0, inputs[1], t_end=0.8, method=fine(method), throw=False)
+        single = fan.simulate(
+            stepped, x0, inputs[1], t_end=0.8, method=with_short_steps(method), throw=False
+        )
         assert (single.status, single.t[-1]) == (Status.RUNAWAY, pytest.approx(many.reached[1]))
 
 
@@ -187,7 +192,7 @@ def test_batches_report_each_lane(stepped):
 def test_a_copied_stepper_has_lost_the_same_steps(stepped, method):
     """A copy's motors used to restart at their present tooth."""
     x0 = stepped.rest({"line.length": COMMANDED_LENGTH})
-    stepper = stepped.with_parameters({"T": 0.02}).stepper(x0, fine(method))
+    stepper = stepped.with_parameters({"T": 0.02}).stepper(x0, with_short_steps(method))
     stepper.advance(0.02)
     assert stepper.status is Status.LOST_STEPS
     copied = pickle.loads(pickle.dumps(stepper))
@@ -231,7 +236,7 @@ def test_a_controller_that_asks_for_too_little_runs_away(soft, method, capsys):
     hoist = fan.loads(HOIST + soft)
     x0 = hoist.project(hoist.state({"line.length": 0.5}))
     with pytest.raises(SimulationError, match=r"controller requests too little") as caught:
-        fan.simulate(hoist, x0, t_end=5.0, method=fine(method))
+        fan.simulate(hoist, x0, t_end=5.0, method=with_short_steps(method))
     run = caught.value.trajectory
     (event,) = [e for e in run.events if e.kind == "runaway"]
     # 1 m below all commands, almost without force: s = a t^2 / 2.

@@ -14,7 +14,7 @@ from benchmarks.exchange import models
 import fantoccini as fan
 from fantoccini.base.errors import ExchangeError, UnknownNameError
 from fantoccini.dynamics.mujoco import mjcf
-from fantoccini.output.exchange import Imported, import_model
+from fantoccini.output.exchange import ImportedPuppet, import_model
 from harness import Model, State
 from oracles import random_models, random_trees
 
@@ -24,16 +24,16 @@ ROUNDING = 1e-11
 """Tolerance of accelerations, relative to the largest."""
 
 
-def imported(text: str, folder: Path, **more) -> Imported:
+def import_text(text: str, folder: Path, **more) -> ImportedPuppet:
     path = folder / "model.xml"
     path.write_text(text)
     return import_model(path, **more)
 
 
-def states(puppet_import: Imported, m: mujoco.MjModel, n: int):
+def random_states(puppet_import: ImportedPuppet, m: mujoco.MjModel, n: int):
     """Pairs of the puppet's state and MuJoCo's data, evaluated without constraints."""
     model = Model.of(fan.model.loads(puppet_import.text))
-    q, v = models.places(puppet_import, m, model.table)
+    q, v = models.mujoco_indices(puppet_import, m, model.table)
     rng, d = np.random.default_rng(1), mujoco.MjData(m)
     for _ in range(n):
         d.qpos[:] = m.qpos0 + rng.uniform(-1.0, 1.0, m.nq)
@@ -48,10 +48,10 @@ def states(puppet_import: Imported, m: mujoco.MjModel, n: int):
 def test_accelerations_and_tendons_agree(seed, tmp_path):
     """References, springs, armatures, and joints about several points of one body."""
     text = random_models.mjcf(seed)
-    puppet_import, m = imported(text, tmp_path), mujoco.MjModel.from_xml_string(text)
-    assert list(models.switched_off(m)) == ["actuators"][: m.nu]
+    puppet_import, m = import_text(text, tmp_path), mujoco.MjModel.from_xml_string(text)
+    assert list(models.switch_off_features(m)) == ["actuators"][: m.nu]
     assert {note.kind for note in puppet_import.report} <= {"actuator"}
-    for model, x, d, v in states(puppet_import, m, 3):
+    for model, x, d, v in random_states(puppet_import, m, 3):
         acc = model.acceleration(x)
         assert np.abs(acc - d.qacc[v]).max() < ROUNDING * np.abs(d.qacc).max()
         h = model.call("rows", x)["h"]
@@ -78,11 +78,11 @@ def test_a_puppet_is_restored_from_mjcf(seed, tmp_path):
         body["joint"].pop("twist", None)
     model = Model(puppet_import)
     text = mjcf(fan.Marionette(model.puppet))
-    back = imported(text, tmp_path)
+    back = import_text(text, tmp_path)
     m = mujoco.MjModel.from_xml_string(text)
-    list(models.switched_off(m))
+    list(models.switch_off_features(m))
     assert {note.message.split(" ")[0] for note in back.report} <= {"is"}  # renamed
-    for again, x, d, v in states(back, m, 2):
+    for again, x, d, v in random_states(back, m, 2):
         acc = again.acceleration(x)
         assert np.abs(acc - d.qacc[v]).max() < 1e-9 * np.abs(d.qacc).max()
         names = [s.name for s in again.tree.strings]
@@ -104,7 +104,7 @@ def test_a_bundled_puppet_is_restored(name, tmp_path):
     x = own.random(0, moving_inputs=False)
     speed = 0.0 if any(any(link.drag) for link in own.tree.links) else 1.0
     x = State(x.q_D, speed * x.v_D, np.array(own.table.start_K) + 0.1, x.v_K, x.acc_K)
-    back = Model.of(fan.model.loads(imported(mjcf(puppet, x.q_K), tmp_path).text))
+    back = Model.of(fan.model.loads(import_text(mjcf(puppet, x.q_K), tmp_path).text))
     q, v = (
         [theirs.index(n if n in theirs else n.replace(".", "_")) for n in names]
         for names, theirs in ((own.table.q_D, back.table.q_D), (own.table.v_D, back.table.v_D))
@@ -127,7 +127,7 @@ QUICK_MODELS = ("reacher", "cartpole", "ball_in_cup", "hopper")
     "model", [m for m in models.MODELS if m.split("/")[-1][:-4] in QUICK_MODELS]
 )
 def test_small_models_agree(model):
-    assert models.agreement(model, states=2).error < 1e-9
+    assert models.measure_agreement(model, states=2).error < 1e-9
 
 
 CONNECTED = """
@@ -165,13 +165,13 @@ def test_bodies_are_held_by_wires(kind, count, extent, length, tmp_path):
     """
     text = CONNECTED.replace("<connect", f"<{kind}")
     text = text.replace("  <equality", f'  <statistic extent="{extent}"/> <equality')
-    puppet_import, m = imported(text, tmp_path), mujoco.MjModel.from_xml_string(text)
+    puppet_import, m = import_text(text, tmp_path), mujoco.MjModel.from_xml_string(text)
     assert [str(n) for n in puppet_import.report if n.kind == "equality"] == [
         f"{tmp_path / 'model.xml'}:14: equality pin: {kind}: is {count} wires of {length:g} m here"
     ]
     m.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
     puppet = fan.loads(puppet_import.text)
-    q, v = models.places(puppet_import, m, puppet.coordinates)
+    q, v = models.mujoco_indices(puppet_import, m, puppet.coordinates)
     d = mujoco.MjData(m)
     mujoco.mj_forward(m, d)  # the zero pose satisfies the constraint
     J, M = d.efc_J.reshape(count, m.nv), np.zeros((m.nv, m.nv))
@@ -190,8 +190,8 @@ def test_constraints_may_name_two_sites(kind, tmp_path):
     sites = 'site1="here" site2="there"'
     text = CONNECTED.replace('body1="b" body2="c" anchor="0 0 -0.2"', sites)
     text = text.replace("<connect", f"<{kind}")
-    puppet_import, m = imported(text, tmp_path), mujoco.MjModel.from_xml_string(text)
-    for model, x, d, _ in states(puppet_import, m, 2):
+    puppet_import, m = import_text(text, tmp_path), mujoco.MjModel.from_xml_string(text)
+    for model, x, d, _ in random_states(puppet_import, m, 2):
         here, there = d.site("here").xpos, d.site("there").xpos
         R, S = (d.site(name).xmat.reshape(3, 3).T for name in ("here", "there"))
         gaps = np.linalg.norm(here - (there + S), axis=1) - 1.0
@@ -236,7 +236,7 @@ REST = """<mujoco model="re st"><compiler angle="radian"/>
 
 
 def test_the_report_names_parts_without_a_counterpart(tmp_path):
-    puppet_import = imported(REST, tmp_path)
+    puppet_import = import_text(REST, tmp_path)
     file = tmp_path / "model.xml"
     notes = {str(note).removeprefix(f"{file}:") for note in puppet_import.report}
     assert notes == {
@@ -260,7 +260,7 @@ def test_the_report_names_parts_without_a_counterpart(tmp_path):
 
 def test_the_puppet_is_readable(tmp_path):
     """Comments stand above changes; a held body is driven; the wall is an obstacle."""
-    puppet_import = imported(REST, tmp_path)
+    puppet_import = import_text(REST, tmp_path)
     puppet_import.save(tmp_path / "out.yaml")
     puppet = fan.model.load(tmp_path / "out.yaml")
     bodies = {body.name: body for body in puppet.bodies}
@@ -283,11 +283,11 @@ def test_the_puppet_is_readable(tmp_path):
 
 
 def test_a_keyframe_is_the_pose(tmp_path):
-    puppet_import = imported(REST, tmp_path, keyframe="bent")
+    puppet_import = import_text(REST, tmp_path, keyframe="bent")
     assert "pose: {hand.z: 2, hip: 0.5}" in puppet_import.text
     assert not any(note.kind == "key" for note in puppet_import.report)
     with pytest.raises(UnknownNameError, match="did you mean 'bent'"):
-        imported(REST, tmp_path, keyframe="bend")
+        import_text(REST, tmp_path, keyframe="bend")
 
 
 BALL = '<worldbody><body><joint type="ball"/><geom size="0.1"/></body></worldbody>'
@@ -316,7 +316,7 @@ WRONG = {
 @pytest.mark.parametrize(("text", "message"), WRONG.values(), ids=WRONG)
 def test_a_wrong_file_is_a_located_mistake(text, message, tmp_path):
     with pytest.raises(ExchangeError) as caught:
-        imported(text, tmp_path)
+        import_text(text, tmp_path)
     assert str(caught.value).startswith(str(tmp_path / "model.xml"))
     assert message in str(caught.value)
 
@@ -328,7 +328,7 @@ def test_a_missing_file_is_a_mistake(tmp_path):
 
 
 def test_files_are_not_replaced_without_force(tmp_path):
-    puppet_import = imported(REST, tmp_path)
+    puppet_import = import_text(REST, tmp_path)
     puppet_import.save(tmp_path / "a.yaml")
     (tmp_path / "a.yaml").write_text("mine")
     with pytest.raises(ExchangeError, match="exists already"):
@@ -357,7 +357,7 @@ def test_flags_disable_constraints(flag, tmp_path):
     text = text.replace('name="ja"', 'name="ja" limited="true" range="-1 1"')
     off = text.replace("<mujoco>", f'<mujoco><option><flag {flag}="disable"/></option>')
     for model, strings, n_notes in ((text, 4, 1), (off, 0, 2)):
-        puppet_import = imported(model, tmp_path)
+        puppet_import = import_text(model, tmp_path)
         puppet = fan.model.loads(puppet_import.text)
         assert len(puppet.strings) == strings
         assert len([n for n in puppet_import.report if n.kind == "equality"]) == n_notes
@@ -366,7 +366,7 @@ def test_flags_disable_constraints(flag, tmp_path):
 
 
 def test_a_colour_of_a_geom_precedes_its_material(tmp_path):
-    puppet_import = imported(
+    puppet_import = import_text(
         '<mujoco><asset><material name="red" rgba="1 0 0 1"/><material name="no" rgba="1 0 0 0"/>'
         '</asset><worldbody><body><freejoint/><geom size="0.1" material="red"/>'
         '<geom size="0.2" material="red" rgba="0 0 1 1"/>'
@@ -380,7 +380,7 @@ def test_a_colour_of_a_geom_precedes_its_material(tmp_path):
 
 def test_a_keyframe_moves_mocap_bodies(tmp_path):
     hand = 'mpos="0.1 0 1.5" mquat="0 1 0 0" qvel="0 1 0 0"'
-    puppet_import = imported(REST.replace('qpos="0.5 1 0 0 0"', hand), tmp_path, keyframe="bent")
+    puppet_import = import_text(REST.replace('qpos="0.5 1 0 0 0"', hand), tmp_path, keyframe="bent")
     puppet_import.save(tmp_path / "out.yaml")
     pose = fan.model.load(tmp_path / "out.yaml").pose
     assert pose["hand.x"] == 0.1 and pose["hand.z"] == 1.5
@@ -391,7 +391,7 @@ def test_a_keyframe_moves_mocap_bodies(tmp_path):
 
 def test_a_winch_has_a_note_about_its_import(tmp_path):
     winch = '<actuator><position tendon="idle"/></actuator>'
-    puppet_import = imported(REST.replace("<sensor>", f"{winch}<sensor>"), tmp_path)
+    puppet_import = import_text(REST.replace("<sensor>", f"{winch}<sensor>"), tmp_path)
     (note,) = (note for note in puppet_import.report if note.what == "tendon idle")
     assert note.message.endswith("; inputs can change the length of a string with `length: driven`")
 
@@ -401,7 +401,7 @@ def test_a_tendon_with_play_keeps_its_damping(tmp_path):
         '<tendon><spatial name="t" springlength="0.1 0.3" stiffness="5" damping="0.4">'
         '<site site="here"/><site site="there"/></spatial></tendon></mujoco>'
     )
-    puppet_import = imported(CONNECTED.replace("</mujoco>", tendon), tmp_path)
+    puppet_import = import_text(CONNECTED.replace("</mujoco>", tendon), tmp_path)
     (spring,) = fan.model.loads(puppet_import.text).springs
     assert (spring.stiffness, spring.damping) == (0.0, 0.4)
     assert "has a spring with play from 0.1 to 0.3 m, left out" in puppet_import.text
@@ -415,7 +415,7 @@ def test_names_are_data(tmp_path):
         f'</asset><worldbody><body name="{odd}"><joint name="{odd}" frictionloss="1"/>'
         f'<geom type="mesh" mesh="{odd}"/></body></worldbody></mujoco>'
     )
-    puppet_import = imported(text, tmp_path)
+    puppet_import = import_text(text, tmp_path)
     puppet_import.save(tmp_path / "out.yaml")
     puppet = fan.model.load(tmp_path / "out.yaml")
     assert len(puppet.bodies) == 1 and len(puppet.bodies[0].shapes) == 1
@@ -430,7 +430,7 @@ def test_a_tendon_of_kept_length_is_a_wire(tmp_path):
         '<connect name="pin" body1="b" body2="c" anchor="0 0 -0.2"/>',
         '<tendon name="keep" tendon1="rod" polycoef="0.05 0 0 0 0"/>',
     ).replace("</mujoco>", f"<tendon>{tendon}</tendon></mujoco>")
-    puppet_import, m = imported(text, tmp_path), mujoco.MjModel.from_xml_string(text)
+    puppet_import, m = import_text(text, tmp_path), mujoco.MjModel.from_xml_string(text)
     assert not any(note.kind in ("equality", "tendon") for note in puppet_import.report)
     (rod,) = fan.model.loads(puppet_import.text).strings
     assert rod.wire and rod.length == pytest.approx(m.tendon_length0[0] + 0.05, abs=1e-12)
@@ -454,7 +454,7 @@ def test_actuators_of_several_controls_are_left_out_one_by_one(left, tmp_path):
         for row in SEVERAL_CONTROLS.splitlines()
         if not row.strip().startswith(tuple(f"<{tag}" for tag in left))
     )
-    puppet_import, m = imported(text, tmp_path), mujoco.MjModel.from_xml_string(text)
+    puppet_import, m = import_text(text, tmp_path), mujoco.MjModel.from_xml_string(text)
     text = "left out: the joint or body that it moves is free"
     notes = [note for note in puppet_import.report if text in note.message]
     assert len(notes) == m.nactuator == 3 - len(left)
@@ -506,7 +506,7 @@ def test_a_short_model_that_needs_gigabytes_is_refused(text, tmp_path, monkeypat
     """The model is refused before MuJoCo reads it."""
     monkeypatch.setattr(mujoco.MjSpec, "from_file", None)
     with pytest.raises(ExchangeError, match=r"model\.xml:1: .*MuJoCo would need [\d,]+ MB"):
-        imported(f"<mujoco>{text}</mujoco>", tmp_path)
+        import_text(f"<mujoco>{text}</mujoco>", tmp_path)
 
 
 def test_images_are_measured_before_mujoco_unpacks_them(tmp_path):
@@ -527,7 +527,7 @@ def test_images_are_measured_before_mujoco_unpacks_them(tmp_path):
     ):
         text = f"<mujoco><compiler assetdir='pictures'/><asset>{asset}</asset></mujoco>"
         with pytest.raises(ExchangeError, match="MuJoCo would need"):
-            imported(text, tmp_path)
+            import_text(text, tmp_path)
 
 
 def test_models_of_ordinary_size_are_not_refused(tmp_path):
@@ -539,4 +539,4 @@ def test_models_of_ordinary_size_are_not_refused(tmp_path):
       <mesh name="m" builtin="supersphere" params="20 1 1"/></asset>
       <worldbody><camera resolution="1920 1080"/><body><joint/><geom type="mesh" mesh="m"/></body>
       </worldbody></mujoco>"""
-    assert imported(text, tmp_path).text
+    assert import_text(text, tmp_path).text

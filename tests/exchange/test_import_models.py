@@ -26,7 +26,7 @@ OFF = {
 @pytest.mark.parametrize("model", models.MODELS)
 def test_accelerations_agree(model):
     """Errors are below 1e-9 of the largest. The report names everything disabled in MuJoCo."""
-    agreement = models.agreement(model, states=2)
+    agreement = models.measure_agreement(model, states=2)
     assert agreement.error < 1e-9
     kinds = {note.kind for note in import_model(models.path_of(model)).report}
     assert {OFF.get(word, "tendon") for word in agreement.off} <= kinds
@@ -48,11 +48,11 @@ def test_ball_in_cup_hangs_on_its_string():
 def test_compiled_accelerations_agree(tmp_path):
     path = models.path_of("gymnasium/envs/mujoco/assets/hopper.xml")
     m = mujoco.MjModel.from_xml_path(str(path))
-    list(models.switched_off(m))
+    list(models.switch_off_features(m))
     puppet_import, d = import_model(path), mujoco.MjData(m)
     puppet_import.save(tmp_path / "hopper.yaml")
     hopper = fan.load(tmp_path / "hopper.yaml")
-    q, v = models.places(puppet_import, m, hopper.coordinates)
+    q, v = models.mujoco_indices(puppet_import, m, hopper.coordinates)
     d.qpos[:], d.qvel[:] = [0.1, 1.3, 0.2, -0.3, -0.5, 0.4], [0.5, -0.2, 1.0, 2.0, -1.0, 0.7]
     mujoco.mj_forward(m, d)
     values = dict(zip(hopper.coordinates.q_D, d.qpos[q], strict=True))

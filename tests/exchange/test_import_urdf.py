@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 import trimesh
 from benchmarks.exchange import models
-from tests.exchange.test_import_mjcf import states
+from tests.exchange.test_import_mjcf import random_states
 
 import fantoccini as fan
 from fantoccini.base.errors import ExchangeError, MissingLibraryError, UnknownNameError
-from fantoccini.output.exchange import Imported, import_model
+from fantoccini.output.exchange import ImportedPuppet, import_model
 from harness import Model, State
 from oracles import random_models
 
@@ -24,7 +24,7 @@ ROUNDING = 1e-11
 """Tolerance of accelerations, relative to the largest."""
 
 
-def imported(text: str, folder: Path) -> Imported:
+def import_text(text: str, folder: Path) -> ImportedPuppet:
     path = folder / "robot.urdf"
     path.write_text(text)
     return import_model(path)
@@ -34,14 +34,14 @@ def imported(text: str, folder: Path) -> Imported:
 def test_accelerations_are_mujocos(seed, tmp_path):
     """MuJoCo's own reader of URDF creates the model."""
     text = random_models.urdf(seed)
-    puppet_import, m = imported(text, tmp_path), mujoco.MjModel.from_xml_string(text)
-    list(models.switched_off(m))
+    puppet_import, m = import_text(text, tmp_path), mujoco.MjModel.from_xml_string(text)
+    list(models.switch_off_features(m))
     assert sorted(puppet_import.joints) == sorted(m.joint(j).name for j in range(m.njnt))
     # MuJoCo's joints are in the order of its tree.
-    puppet_import = Imported(
+    puppet_import = ImportedPuppet(
         puppet_import.text, puppet_import.report, {}, tuple(m.joint(j).name for j in range(m.njnt))
     )
-    for model, x, d, v in states(puppet_import, m, 2):
+    for model, x, d, v in random_states(puppet_import, m, 2):
         acc = model.acceleration(x)
         assert np.abs(acc - d.qacc[v]).max() < ROUNDING * np.abs(d.qacc).max()
 
@@ -50,7 +50,7 @@ def test_accelerations_are_mujocos(seed, tmp_path):
 def test_accelerations_are_pinocchios(seed, tmp_path):
     pin = pytest.importorskip("pinocchio")
     text = random_models.urdf(seed).replace("continuous", "revolute")
-    puppet_import, robot = imported(text, tmp_path), pin.buildModelFromXML(text)
+    puppet_import, robot = import_text(text, tmp_path), pin.buildModelFromXML(text)
     model, rng = Model.of(fan.model.loads(puppet_import.text)), np.random.default_rng(seed)
     names, none = list(robot.names)[1:], np.zeros(0)
     q, v = rng.normal(size=robot.nq), rng.normal(size=robot.nv)
@@ -77,7 +77,7 @@ PLANE = """<robot name="puck">
 
 def test_a_planar_joint_is_two_slides_and_a_hinge(tmp_path):
     """The same model is written by hand for MuJoCo."""
-    puppet_import = imported(PLANE, tmp_path)
+    puppet_import = import_text(PLANE, tmp_path)
     assert puppet_import.joints == ("slide_x", "slide_y", "slide", "hinge")
     c, s = np.cos(0.3), np.sin(0.3)
     R = np.array([[1, 0, 0], [0, c, -s], [0, s, c]])
@@ -90,14 +90,14 @@ def test_a_planar_joint_is_two_slides_and_a_hinge(tmp_path):
       <body><joint axis="0 1 0" damping="0.5"/>
       <inertial pos="0 0 0.3" mass="1" diaginertia="0.1 0.1 0.1"/></body>
       </body></worldbody></mujoco>""")
-    for model, x, d, v in states(puppet_import, m, 2):
+    for model, x, d, v in random_states(puppet_import, m, 2):
         acc = model.acceleration(x)
         assert np.abs(acc - d.qacc[v]).max() < ROUNDING * np.abs(d.qacc).max()
 
 
 def test_a_planar_joint_is_damped_along_and_about(tmp_path):
     text = PLANE.replace('<axis xyz="0 0 1"/>', '<axis xyz="0 0 1"/><dynamics damping="0.7"/>')
-    puppet = fan.model.loads(imported(text, tmp_path).text)
+    puppet = fan.model.loads(import_text(text, tmp_path).text)
     assert [body.joint.damping for body in puppet.bodies] == [0.7, 0.7, 0.7, 0.5]
 
 
@@ -110,7 +110,7 @@ def test_a_material_is_known_after_its_first_visual(tmp_path):
         f'<link name="c">{ball.format("/>")}</link>{joint("j", "fixed", "a", "b")}'
         f"{joint('k', 'fixed', 'a', 'c')}</robot>"
     )
-    puppet = fan.model.loads(imported(text, tmp_path).text)
+    puppet = fan.model.loads(import_text(text, tmp_path).text)
     assert [body.shapes[0].colour for body in puppet.bodies] == ["#ff0000"] * 3
 
 
@@ -120,7 +120,7 @@ def test_meshes_of_the_model_are_kept(tmp_path):
     mesh_file = tmp_path / "arm_meshes" / "base.stl"
     mesh_file.write_bytes(b"mine" + fan.output.exchange.solids.stl(*tetrahedron())[4:])
     before = mesh_file.read_bytes()
-    puppet_import = imported(
+    puppet_import = import_text(
         '<robot name="arm"><link name="a"><visual><geometry><mesh filename="arm_meshes/base.stl"/>'
         "</geometry></visual></link></robot>",
         tmp_path,
@@ -134,7 +134,7 @@ def test_meshes_of_the_model_are_kept(tmp_path):
 def test_a_mesh_too_large_with_its_scale_is_left_out(tmp_path):
     (tmp_path / "a.stl").write_bytes(fan.output.exchange.solids.stl(*tetrahedron()))
     visual = '<visual><geometry><mesh filename="a.stl" scale="{} 1 1"/></geometry></visual>'
-    puppet_import = imported(
+    puppet_import = import_text(
         f'<robot name="r"><link name="a">{visual.format(1e7)}{visual.format(2)}</link></robot>',
         tmp_path,
     )
@@ -147,7 +147,7 @@ def test_a_mesh_too_large_with_its_scale_is_left_out(tmp_path):
 
 def test_a_floating_joint_is_a_free_one(tmp_path):
     text = PLANE.replace('type="planar"', 'type="floating"').replace('<axis xyz="0 0 1"/>', "")
-    puppet_import = imported(text.replace("damping", "friction"), tmp_path)
+    puppet_import = import_text(text.replace("damping", "friction"), tmp_path)
     puppet = fan.model.loads(puppet_import.text)
     assert puppet.bodies[0].joint.type == "free"
     assert [str(n).partition(": ")[2] for n in puppet_import.report] == [
@@ -186,7 +186,7 @@ def test_the_report_names_parts_without_a_counterpart(tmp_path):
         (folder / name).mkdir(parents=True)
     mesh = fan.output.exchange.solids.stl(*tetrahedron())
     (folder / "meshes" / "a.stl").write_bytes(mesh)
-    puppet_import = imported(REST, folder / "urdf")
+    puppet_import = import_text(REST, folder / "urdf")
     file = folder / "urdf" / "robot.urdf"
     assert [str(note).removeprefix(f"{file}:") for note in puppet_import.report] == [
         "4: link arm: has the principal moments 0.02, 0.03 and 0.1 kg m^2; here the largest is the "
@@ -221,7 +221,7 @@ def test_meshes_of_all_formats(ending, tmp_path):
     (tmp_path / f"box.{ending}").write_bytes(
         exported.encode() if isinstance(exported, str) else exported
     )
-    puppet_import = imported(
+    puppet_import = import_text(
         '<robot name="r"><link name="a"><visual><geometry>'
         f'<mesh filename="package://r/box.{ending}"/></geometry></visual></link></robot>',
         tmp_path,
@@ -291,7 +291,7 @@ WRONG = {
 @pytest.mark.parametrize(("text", "message"), WRONG.values(), ids=WRONG)
 def test_a_wrong_file_is_a_located_mistake(text, message, tmp_path):
     with pytest.raises(ExchangeError) as caught:
-        imported(f"{text}</robot>", tmp_path)
+        import_text(f"{text}</robot>", tmp_path)
     assert str(caught.value).startswith(str(tmp_path / "robot.urdf"))
     assert message in str(caught.value)
 
@@ -305,7 +305,7 @@ def test_urdf_has_no_keyframes(tmp_path):
 def test_a_missing_library_is_named_with_its_extra(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "yourdfpy", None)
     with pytest.raises(MissingLibraryError, match=r"pip install 'fantoccini\[urdf\]'"):
-        imported(PLANE, tmp_path)
+        import_text(PLANE, tmp_path)
 
 
 BULLET = ("kuka_iiwa/model.urdf", "franka_panda/panda.urdf", "a1/a1.urdf", "laikago/laikago.urdf")
@@ -346,7 +346,7 @@ INERTIA = (
 )
 
 
-def hinged(inside: str, base: str = "", head: str = "") -> str:
+def hinged_robot(inside: str, base: str = "", head: str = "") -> str:
     """A link on a hinge of another link."""
     return (
         f'<robot name="r" {head}>\n<link name="a">{base}</link>\n<link name="b">{inside}</link>\n'
@@ -394,7 +394,7 @@ LEFT_OVER = {
 @pytest.mark.parametrize("head", ["", 'xmlns:xacro="http://www.ros.org/wiki/xacro"'])
 @pytest.mark.parametrize(("inside", "says"), LEFT_OVER.values(), ids=LEFT_OVER)
 def test_empty_and_surplus_parts_of_a_solid_are_left_out_with_a_note(inside, says, head, tmp_path):
-    puppet_import = imported(hinged(WITH + inside, head=head), tmp_path)
+    puppet_import = import_text(hinged_robot(WITH + inside, head=head), tmp_path)
     (ball,) = fan.model.loads(puppet_import.text).bodies[1].shapes
     assert ball.radius == 0.1
     notes = [note for note in puppet_import.report if says in str(note)]
@@ -406,23 +406,25 @@ def test_declarations_of_xacro_are_no_parts(tmp_path):
         '<xacro:property name="x" value="1"/><xacro:arg name="y" default="2"/>'
         '<xacro:macro name="leg"><link name="c"/></xacro:macro>'
     )
-    puppet_import = imported(hinged(WITH).replace("<link", f"{declared}<link", 1), tmp_path)
+    puppet_import = import_text(
+        hinged_robot(WITH).replace("<link", f"{declared}<link", 1), tmp_path
+    )
     assert len(fan.model.loads(puppet_import.text).bodies) == 2
 
 
 @pytest.mark.parametrize(
     "text",
     [
-        hinged(WITH).replace("<link", "<xacro:leg/><link", 1),
-        hinged(WITH).replace("<link", '<xacro:include filename="a"/><link', 1),
-        hinged(f"<xacro:inertia/><visual>{BALL}</visual>"),
-        hinged(WITH).replace("<axis", "<xacro:limits/><axis"),
-        hinged(WITH.replace("<mass", "<xacro:m/><mass")),
+        hinged_robot(WITH).replace("<link", "<xacro:leg/><link", 1),
+        hinged_robot(WITH).replace("<link", '<xacro:include filename="a"/><link', 1),
+        hinged_robot(f"<xacro:inertia/><visual>{BALL}</visual>"),
+        hinged_robot(WITH).replace("<axis", "<xacro:limits/><axis"),
+        hinged_robot(WITH.replace("<mass", "<xacro:m/><mass")),
     ],
 )
 def test_a_macro_that_may_be_a_part_is_refused(text, tmp_path):
     with pytest.raises(ExchangeError, match="run xacro on the file first"):
-        imported(text, tmp_path)
+        import_text(text, tmp_path)
 
 
 def test_a_capsule_is_a_capsule(tmp_path):
@@ -431,7 +433,9 @@ def test_a_capsule_is_a_capsule(tmp_path):
         '<capsule radius="0.1" length="0.6"/></geometry></{0}>'
     )
     for kind in ("visual", "collision"):
-        puppet_import = imported(hinged(WITH + f"<{kind}/>" + 2 * solid.format(kind)), tmp_path)
+        puppet_import = import_text(
+            hinged_robot(WITH + f"<{kind}/>" + 2 * solid.format(kind)), tmp_path
+        )
         for shape in fan.model.loads(puppet_import.text).bodies[1].shapes:
             assert shape.radius == 0.1
             np.testing.assert_allclose(shape.from_, [0.7, 2, 3], atol=1e-12)
@@ -440,7 +444,7 @@ def test_a_capsule_is_a_capsule(tmp_path):
 
 @pytest.mark.parametrize("number", [1e-9, 0.001, 0.3, 1.0, 7.7, 1e4])
 def test_six_equal_numbers_are_three_moments(number, tmp_path):
-    puppet_import = imported(hinged(INERTIA.format(number, number)), tmp_path)
+    puppet_import = import_text(hinged_robot(INERTIA.format(number, number)), tmp_path)
     assert fan.model.loads(puppet_import.text).bodies[1].inertia == (number,) * 3
     (note,) = puppet_import.report
     assert "here it has its moments alone" in note.message and note.line == 3
@@ -451,7 +455,7 @@ def test_products_that_no_solid_has_are_left_out(products, tmp_path):
     text = INERTIA.format(0.1, 0)
     for key, value in zip(("ixy", "ixz", "iyz"), products, strict=True):
         text = text.replace(f'{key}="0"', f'{key}="{value}"')
-    puppet_import = imported(hinged(text), tmp_path)
+    puppet_import = import_text(hinged_robot(text), tmp_path)
     inertia = np.array(fan.model.loads(puppet_import.text).bodies[1].inertia)
     assert np.allclose(inertia, 0.1) and "products of inertia" in str(puppet_import.report)
 
@@ -472,8 +476,9 @@ def test_a_uri_may_have_spaces_as_percent_20(name, tmp_path):
     folder.mkdir()
     (folder / "my box.stl").write_bytes(trimesh.creation.box().export(file_type="stl"))
     uri = name.format(str(folder / "my box.stl").replace(" ", "%20"))
-    puppet_import = imported(
-        hinged(f'{WITH}<visual><geometry><mesh filename="{uri}"/></geometry></visual>'), folder
+    puppet_import = import_text(
+        hinged_robot(f'{WITH}<visual><geometry><mesh filename="{uri}"/></geometry></visual>'),
+        folder,
     )
     assert not puppet_import.report and len(puppet_import.meshes) == 1
 
@@ -486,7 +491,7 @@ def test_masses_of_links_without_inertia_are_those_of_their_solids(tmp_path):
     )
     volumes = 0.006, 4 / 3 * np.pi * 1e-3
     for density in (None, 500.0):
-        (tmp_path / "r.urdf").write_text(hinged(solids, f"<visual>{BALL}</visual>"))
+        (tmp_path / "r.urdf").write_text(hinged_robot(solids, f"<visual>{BALL}</visual>"))
         puppet_import = import_model(tmp_path / "r.urdf", density=density)
         base, body = fan.model.loads(puppet_import.text).bodies
         own = density or 1000.0
@@ -504,8 +509,8 @@ def test_masses_of_links_without_inertia_are_those_of_their_solids(tmp_path):
 
 
 def test_links_without_inertia_stay_light_if_every_joint_moves_mass(tmp_path):
-    text = hinged(WITH + f"<visual>{BALL}</visual>", f"<visual>{BALL}</visual>")
-    puppet_import = imported(text, tmp_path)
+    text = hinged_robot(WITH + f"<visual>{BALL}</visual>", f"<visual>{BALL}</visual>")
+    puppet_import = import_text(text, tmp_path)
     assert not puppet_import.report and fan.model.loads(puppet_import.text).bodies[0].mass is None
 
 
@@ -513,7 +518,7 @@ def test_the_mass_of_an_open_mesh_is_that_of_its_convex_hull(tmp_path):
     corners, faces = tetrahedron()
     (tmp_path / "a.stl").write_bytes(fan.output.exchange.solids.stl(corners, faces[1:]))
     visual = '<visual><geometry><mesh filename="a.stl" scale="0.1 0.1 0.1"/></geometry></visual>'
-    puppet_import = imported(hinged(visual), tmp_path)
+    puppet_import = import_text(hinged_robot(visual), tmp_path)
     puppet_import.save(tmp_path / "r.yaml")
     body = fan.model.load(tmp_path / "r.yaml").bodies[1]
     assert body.mass == pytest.approx(1000 / 6 * 1e-3) and len(body.shapes) == 1
@@ -522,7 +527,7 @@ def test_the_mass_of_an_open_mesh_is_that_of_its_convex_hull(tmp_path):
 
 
 def test_a_density_is_positive_and_of_urdf(tmp_path):
-    (tmp_path / "r.urdf").write_text(hinged(f"<visual>{BALL}</visual>"))
+    (tmp_path / "r.urdf").write_text(hinged_robot(f"<visual>{BALL}</visual>"))
     for density in (0.0, -1.0, np.nan, np.inf):
         with pytest.raises(fan.errors.StateError, match="the density is"):
             import_model(tmp_path / "r.urdf", density=density)

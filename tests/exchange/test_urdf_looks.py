@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from tests.exchange.test_import_urdf import imported, tetrahedron
+from tests.exchange.test_import_urdf import import_text, tetrahedron
 
 import fantoccini as fan
 from fantoccini.output.exchange.draft import Draft
@@ -20,11 +20,11 @@ usemtl red\nf 1 3 2\nf 1 2 4\nusemtl blue\nf 1 4 3\nf 2 3 4
 """
 
 
-def coloured_by(visuals: str, folder: Path) -> tuple:
+def import_coloured(visuals: str, folder: Path) -> tuple:
     """Shapes of the only body of a robot, with a mesh in red and blue, read from the disk."""
     (folder / "a.obj").write_text(RED_BLUE.format("a"))
     (folder / "a.mtl").write_text("newmtl red\nKd 1 0 0\nnewmtl blue\nKd 0 0.2 1\n")
-    puppet_import = imported(f'<robot name="r"><link name="a">{visuals}</link></robot>', folder)
+    puppet_import = import_text(f'<robot name="r"><link name="a">{visuals}</link></robot>', folder)
     puppet_import.save(folder / "r.yaml")
     (body,) = fan.model.load(folder / "r.yaml").bodies
     return body.shapes, puppet_import.report
@@ -35,7 +35,7 @@ MESH = '<geometry><mesh filename="a.obj"/></geometry>'
 
 def test_meshes_keep_the_colours_of_their_files(tmp_path):
     """Colours are those of the mesh's own file."""
-    (shape,), report = coloured_by(f"<visual>{MESH}</visual>", tmp_path)
+    (shape,), report = import_coloured(f"<visual>{MESH}</visual>", tmp_path)
     assert shape.colour is None and not report
     wanted = fan.model.meshes.read(tmp_path / "a.obj", tmp_path)
     file = shape.read()
@@ -48,7 +48,7 @@ def test_meshes_keep_the_colours_of_their_files(tmp_path):
 
 def test_a_colour_of_urdf_hides_those_of_the_mesh(tmp_path):
     green = '<material name="green"><color rgba="0 1 0 1"/></material>'
-    (first, second), report = coloured_by(
+    (first, second), report = import_coloured(
         f"<visual>{MESH}{green}</visual><visual>{MESH}</visual>", tmp_path
     )
     assert (first.colour, second.colour) == ("#00ff00", None) and not report
@@ -70,7 +70,7 @@ def test_lost_properties_of_mesh_files_are_reported(red, told, tmp_path):
     (tmp_path / "b.mtl").write_text(f"newmtl red\n{red}\nnewmtl blue\nKd 0 0 1\n")
     green = '<material name="green"><color rgba="0 1 0 1"/></material>'
     mesh = MESH.replace("a.obj", "b.obj")
-    _, report = coloured_by(f"<visual>{mesh}</visual><visual>{mesh}{green}</visual>", tmp_path)
+    _, report = import_coloured(f"<visual>{mesh}</visual><visual>{mesh}{green}</visual>", tmp_path)
     assert [n.message for n in report] == (
         [] if told is None else [f"{told}each triangle has one opaque colour here"]
     )
@@ -101,7 +101,7 @@ def test_64_colours_allow_a_part_without_one(tmp_path):
 def test_materials_without_a_name_belong_only_to_their_visuals(tmp_path):
     ball = '<geometry><sphere radius="1"/></geometry>'
     red = '<color rgba="1 0 0 1"/></material>'
-    shapes, (note,) = coloured_by(
+    shapes, (note,) = import_coloured(
         f"<visual>{ball}<material>{red}</visual><visual>{ball}<material/></visual>"
         f'<visual>{ball}<material name="">{red}</visual><visual>{ball}<material name=""/></visual>'
         f'<visual>{ball}<material name="red"/></visual>',
@@ -124,7 +124,7 @@ def test_many_parts_of_one_mesh_without_names_are_named_quickly(tmp_path, monkey
     monkeypatch.setattr(
         fan.model.meshes, "read", lambda *given: reads.append(given) or read(*given)
     )
-    shapes, _ = coloured_by(f"<visual>{MESH}</visual>" * 50, tmp_path)
+    shapes, _ = import_coloured(f"<visual>{MESH}</visual>" * 50, tmp_path)
     assert len(shapes) == 50 and len([path for path, _ in reads if path.suffix == ".obj"]) == 1
     draft = Draft(read_model(tmp_path / "robot.urdf"), "r")
     before = time.monotonic()
@@ -136,7 +136,7 @@ def test_many_parts_of_one_mesh_without_names_are_named_quickly(tmp_path, monkey
 def test_an_undefined_material_is_reported(tmp_path):
     ball = '<geometry><sphere radius="1"/></geometry>'
     red = '<material name="red"><color rgba="1 0 0 1"/></material>'
-    shapes, (note,) = coloured_by(
+    shapes, (note,) = import_coloured(
         f'<visual>{ball}{red}</visual><visual>{ball}<material name="rad"/></visual>'
         f'<visual>{ball}<material name="red"/></visual><visual>{ball}<material name=""/></visual>',
         tmp_path,
@@ -150,7 +150,7 @@ def test_an_undefined_material_is_reported(tmp_path):
 def test_textures_of_urdf_are_reported(tmp_path):
     """This includes textures of a material that another visual defines."""
     wood = '<material name="wood"><texture filename="wood.png"/></material>'
-    (first, second), report = coloured_by(
+    (first, second), report = import_coloured(
         f'<visual>{MESH}{wood}</visual><visual><geometry><sphere radius="1"/></geometry>'
         '<material name="wood"/></visual>',
         tmp_path,

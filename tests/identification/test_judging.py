@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from benchmarks.identify.cases import arm, record
-from benchmarks.identify.turned import turned
+from benchmarks.identify.turned import turned_record
 
 import fantoccini as fan
 from fantoccini.lab.identification.judging import biased_jumps, column_fits, doubts, prior_shares
@@ -32,7 +32,7 @@ def test_noise_alone_is_not_doubted(seed):
 
 def test_a_turned_camera_is_doubted(good_record):
     """The camera is turned by 1 degree: chi2 and drift do not show it, residuals and jumps do."""
-    estimate = fan.identify(turned(good_record, 1.0))
+    estimate = fan.identify(turned_record(good_record, 1.0))
     assert estimate.chi2 < 1.15 and estimate.drift < 0.5
     text = " ".join(doubts(estimate))
     assert "are correlated" in text and "tip.z" in text
@@ -56,7 +56,7 @@ def test_a_noise_level_that_is_wrong_is_doubted(good_record):
 def test_neighbours_are_samples_of_a_column(good_record):
     """The turned camera with every second row: its neighbours are two rows apart."""
     is_even = np.arange(len(good_record.t)) % 2 == 0
-    data = turned(good_record, 1.0)
+    data = turned_record(good_record, 1.0)
     columns = {name: np.where(is_even, x, np.nan) for name, x in data.columns.items()}
     estimate = fan.identify(replace(data, columns=columns))
     assert any("are correlated" in text for text in doubts(estimate))

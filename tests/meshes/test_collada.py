@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
-from tests.meshes.test_gltf import mesh, of_boxes
+from tests.meshes.test_gltf import box_properties, mesh
 from tests.meshes.written import CORNERS, CUBE, UP, puppet
 
 from fantoccini.base.errors import MissingLibraryError
@@ -89,7 +89,7 @@ def test_units_and_axes_become_metres_and_z(tmp_path, asset, unit, up):
         (scale, scale @ [3.0, 0.0, 0.0] + at),
         (mirror @ quarter @ np.diag([1.0, 3.0, 1.0]), np.array([-4.0, 5.0, 0.0])),
     ]
-    volume, com, about = of_boxes([(unit * up @ A, unit * up @ b) for A, b in maps])
+    volume, com, about = box_properties([(unit * up @ A, unit * up @ b) for A, b in maps])
     mass, unit_inertia = shape_inertia(mesh(tmp_path, "a.dae"))
     # pycollada has numbers in single precision.
     assert mass == pytest.approx(volume, rel=1e-6)

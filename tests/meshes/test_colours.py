@@ -13,14 +13,14 @@ from tests.animation.glb_reader import Player
 from tests.animation.test_glb import validated
 from tests.animation.three import three
 from tests.meshes.written import Writer
-from tests.show.browser import like, picture
+from tests.show.browser import count_similar_pixels, picture
 
 import fantoccini as fan
 from fantoccini.model.meshes import LIMITS, read
 from fantoccini.output.view import film
-from fantoccini.output.view.meshes import coloured
-from fantoccini.output.view.shapes import solid_of
-from fantoccini.output.view.silhouettes import mesh
+from fantoccini.output.view.meshes import coloured_surfaces
+from fantoccini.output.view.shapes import shape_solid
+from fantoccini.output.view.silhouettes import mesh_solid
 
 pytestmark = pytest.mark.medium
 
@@ -34,7 +34,7 @@ def srgb(linear) -> np.ndarray:
     return np.where(x <= 0.0031308, 12.92 * x, 1.055 * x ** (1 / 2.4) - 0.055)
 
 
-def toy(folder: Path, file: str, more: str = "") -> fan.Marionette:
+def hanging_puppet(folder: Path, file: str, more: str = "") -> fan.Marionette:
     """A body that hangs on a string."""
     (folder / "toy.yaml").write_text(
         "puppet: toy\nfloor: 0\nbodies:\n  - name: head\n    joint: {type: free}\n"
@@ -58,14 +58,14 @@ def head(tmp_path: Path) -> Path:
     return writer.save(tmp_path / "head.glb")
 
 
-def above(found, height: float) -> np.ndarray:
+def upper_faces(found, height: float) -> np.ndarray:
     """Faces of a file with a higher middle."""
     return found.vertices[found.faces].mean(axis=1)[:, 2] > height
 
 
 def test_base_colours_are_linear_and_screens_have_srgb(head):
     file = read(head, head.parent)
-    hat = above(file, 0.2)
+    hat = upper_faces(file, 0.2)
     nose = file.vertices[file.faces].mean(axis=1)[:, 1] < -0.2
     assert np.allclose(file.colours[hat], srgb(BLUE), atol=0.51 / 255)
     assert np.isnan(file.colours[nose & ~hat]).all() and (nose & ~hat).sum() == 12
@@ -84,7 +84,7 @@ def test_corners_colour_the_faces_they_bound(tmp_path):
         assert np.allclose(file.colours, wanted, atol=0.51 / 255)
 
 
-def quad(folder: Path, corners: np.ndarray, image: np.ndarray, **sampler) -> np.ndarray:
+def square_colours(folder: Path, corners: np.ndarray, image: np.ndarray, **sampler) -> np.ndarray:
     """Colours of two triangles with texture coordinates (6, 2), times 255."""
     writer = Writer()
     look = writer.material(image=image, **sampler)
@@ -100,7 +100,7 @@ def test_a_texture_colours_its_triangles(tmp_path):
 
     def at(u: float, v: float, **sampler) -> list[float]:
         corners = np.concatenate([np.tile([u, v], (3, 1)), np.tile([0.75, 0.75], (3, 1))])
-        file = quad(tmp_path, corners, image, **sampler)
+        file = square_colours(tmp_path, corners, image, **sampler)
         assert np.allclose(file[1], 90, atol=0.51)
         return np.round(file[0]).tolist()
 
@@ -132,7 +132,7 @@ def test_a_triangle_has_the_mean_of_its_texture_in_linear_light(tmp_path):
     image = np.zeros((2, 2, 3), "uint8")
     image[0] = 255
     corners = [[0.5, 0.0], [0.0, 1.0], [1.0, 1.0], [0.0, 0.0], [1.0, 0.0], [0.5, 1.0]]
-    file = quad(tmp_path, corners, image)
+    file = square_colours(tmp_path, corners, image)
     # White parts are a quarter and three quarters of the triangles' areas.
     assert np.allclose(file[:, 0], 255 * srgb([0.25, 0.75]), atol=0.51)
 
@@ -192,17 +192,17 @@ def test_an_obj_has_the_colours_of_its_materials(tmp_path):
 
 
 def test_a_colour_of_the_shape_has_precedence(head):
-    model = toy(head.parent, "head.glb", ', colour: "#102030"')
-    solid = solid_of(model.puppet.bodies[0].shapes[0], 0, np.zeros(3))
+    model = hanging_puppet(head.parent, "head.glb", ', colour: "#102030"')
+    solid = shape_solid(model.puppet.bodies[0].shapes[0], 0, np.zeros(3))
     assert solid.colours is None and np.allclose(solid.colour, np.array([16, 32, 48]) / 255)
 
 
 def test_each_colour_is_one_surface(head):
     """Their areas are those of the boxes; faces without material have the body's colour."""
-    model = toy(head.parent, "head.glb")
-    solid = solid_of(model.puppet.bodies[0].shapes[0], 0, np.array([1.0, 1.0, 0.0]))
+    model = hanging_puppet(head.parent, "head.glb")
+    solid = shape_solid(model.puppet.bodies[0].shapes[0], 0, np.array([1.0, 1.0, 0.0]))
     areas = {}
-    for colour, surface in coloured(solid):
+    for colour, surface in coloured_surfaces(solid):
         mesh = trimesh.Trimesh(surface.vertices, surface.faces, process=False)
         areas[tuple(np.round(255 * colour).astype(int).tolist())] = mesh.area
         assert np.allclose(
@@ -224,19 +224,22 @@ def hue(linear) -> tuple[int, int, int]:
 def test_pictures_show_the_colours(head, tmp_path, renderer):
     if renderer == "pyvista":
         pytest.importorskip("pyvista")
-    model = toy(tmp_path, "head.glb")
+    model = hanging_puppet(tmp_path, "head.glb")
     run = fan.simulate(model, model.rest(), t_end=0.1)
     path = tmp_path / "film.gif"
     film(model, run, path, fps=10, size=(300, 300), renderer=renderer, view=(-60, 15))
     with Image.open(path) as shown:
         pixels = np.asarray(shown.convert("RGB"))
-    assert like(pixels, hue(RED), 60) > 300 and like(pixels, hue(BLUE), 60) > 300
-    assert like(pixels, hue(GREEN), 30) < 100
+    assert (
+        count_similar_pixels(pixels, hue(RED), 60) > 300
+        and count_similar_pixels(pixels, hue(BLUE), 60) > 300
+    )
+    assert count_similar_pixels(pixels, hue(GREEN), 30) < 100
 
 
 def test_exports_carry_the_colours(head, tmp_path):
     """glTF has one material for each, which the validator and three.js know; USD has subsets."""
-    model = toy(tmp_path, "head.glb")
+    model = hanging_puppet(tmp_path, "head.glb")
     run = fan.simulate(model, model.rest(), t_end=0.1)
     path = fan.export(run, tmp_path / "run.glb")
     player = Player(path)
@@ -259,19 +262,22 @@ def test_exports_carry_the_colours(head, tmp_path):
 
 
 def test_three_js_shows_the_colours(head, tmp_path):
-    model = toy(tmp_path, "head.glb")
+    model = hanging_puppet(tmp_path, "head.glb")
     run = fan.simulate(model, model.rest(), t_end=0.1)
     with three(fan.export(run, tmp_path / "run.glb")) as page:
         page.draw(0.0, (0.8, 0.7, 1.2), (0.0, 0.5, 0.0))
         pixels = picture(page.browser, "mesh_colours")
-    assert like(pixels, hue(RED), 60) > 1000 and like(pixels, hue(BLUE), 60) > 1000
+    assert (
+        count_similar_pixels(pixels, hue(RED), 60) > 1000
+        and count_similar_pixels(pixels, hue(BLUE), 60) > 1000
+    )
 
 
 def test_usd_has_a_material_for_each_colour(head, tmp_path):
     usd = pytest.importorskip("pxr.Usd")
     from pxr import UsdGeom, UsdShade
 
-    model = toy(tmp_path, "head.glb")
+    model = hanging_puppet(tmp_path, "head.glb")
     run = fan.simulate(model, model.rest(), t_end=0.1)
     path = fan.export(run, tmp_path / "run.usda", fps=24)
     stage = usd.Stage.Open(str(path))
@@ -303,7 +309,7 @@ def test_recordings_contain_all_files(tmp_path):
     writer.gltf.images[0] = gl.Image(uri="paint.png")
     Image.fromarray(np.full((2, 2, 3), 77, "uint8")).save(folder / "paint.png")
     writer.save(folder / "a.gltf")
-    model = toy(tmp_path / "there", "art/a.gltf")
+    model = hanging_puppet(tmp_path / "there", "art/a.gltf")
     run = fan.simulate(model, model.rest(), t_end=0.05)
     run.save(tmp_path / "run.npz")
     for file in folder.iterdir():
@@ -318,9 +324,9 @@ def test_the_outline_has_the_mean_by_area(tmp_path):
     """A triangle divided into four counts as one."""
     vertices = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.0]])
     colours = np.array([[1.0, 0, 0], [0, 0, 1]])
-    coarse = mesh(0, np.zeros(3), vertices, np.array([[0, 1, 2], [0, 2, 3]]), colours)
+    coarse = mesh_solid(0, np.zeros(3), vertices, np.array([[0, 1, 2], [0, 2, 3]]), colours)
     points, faces = trimesh.remesh.subdivide(vertices, np.array([[0, 1, 2]]))
-    fine = mesh(
+    fine = mesh_solid(
         0,
         np.zeros(3),
         np.vstack([points, vertices]),

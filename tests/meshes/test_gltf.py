@@ -24,7 +24,9 @@ def mesh(folder: Path, name: str, **keys) -> Mesh:
     return description.bodies[0].shapes[0]
 
 
-def of_boxes(maps: list[tuple[np.ndarray, np.ndarray]]) -> tuple[float, np.ndarray, np.ndarray]:
+def box_properties(
+    maps: list[tuple[np.ndarray, np.ndarray]],
+) -> tuple[float, np.ndarray, np.ndarray]:
     """Volume, centre and inertia per mass of unit cubes under x -> A x + b.
 
     The covariance of a unit cube is 1/12 of the identity, and C -> A C A^T.
@@ -57,7 +59,7 @@ def test_nodes_carry_their_meshes_and_y_becomes_z(tmp_path):
         (R @ matrix[:3, :3], R @ matrix[:3, 3] + r),
         (np.diag([2.0, 1.0, 0.5]), np.zeros(3)),
     ]
-    volume, com, about = of_boxes([(UP @ A, UP @ b) for A, b in maps])
+    volume, com, about = box_properties([(UP @ A, UP @ b) for A, b in maps])
     mass, unit = shape_inertia(mesh(tmp_path, "a.glb"))
     assert mass == pytest.approx(volume, rel=1e-12)
     np.testing.assert_allclose(unit.com, com, atol=1e-12)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import trimesh
 from PIL import Image
-from tests.exchange.test_import_urdf import imported
+from tests.exchange.test_import_urdf import import_text
 from tests.meshes.test_gltf import mesh
 from tests.meshes.written import CORNERS, CUBE, SIDES
 
@@ -43,7 +43,7 @@ def test_negative_indices_count_back_from_their_line(tmp_path):
 
 def test_negative_indices_of_a_urdfs_mesh_count_back_from_their_line(tmp_path):
     (tmp_path / "a.obj").write_text(blocks(relative=True))
-    puppet = imported(
+    puppet = import_text(
         '<robot name="r"><link name="a"><visual><geometry><mesh filename="a.obj"/></geometry>'
         "</visual></link></robot>",
         tmp_path,

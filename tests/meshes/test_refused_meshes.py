@@ -21,7 +21,7 @@ from fantoccini.model.meshes import LIMITS, read
 from fantoccini.model.puppet import loads
 
 
-def refused(folder: Path, name: str) -> str:
+def mistake_of_file(folder: Path, name: str) -> str:
     """Message of the mistake in the line of the file's name."""
     begin = time.monotonic()
     with pytest.raises(PuppetError) as caught:
@@ -33,7 +33,7 @@ def refused(folder: Path, name: str) -> str:
     return problem.message
 
 
-def changed(folder: Path, change: Callable[[dict], None]) -> str:
+def mistake_of_change(folder: Path, change: Callable[[dict], None]) -> str:
     """Message for a cube in a .gltf with changed JSON."""
     writer = Writer()
     writer.node(writer.mesh())
@@ -41,7 +41,7 @@ def changed(folder: Path, change: Callable[[dict], None]) -> str:
     content = json.loads(path.read_text())
     change(content)
     path.write_text(json.dumps(content))
-    return refused(folder, "a.gltf")
+    return mistake_of_file(folder, "a.gltf")
 
 
 @pytest.mark.parametrize(
@@ -63,7 +63,9 @@ def test_a_buffer_lies_in_the_files_folder(tmp_path, uri):
     folder = tmp_path / "in"
     folder.mkdir()
     (tmp_path / "a.bin").write_bytes(bytes(1000))
-    assert "in its folder or below" in changed(folder, lambda c: c["buffers"][0].update(uri=uri))
+    assert "in its folder or below" in mistake_of_change(
+        folder, lambda c: c["buffers"][0].update(uri=uri)
+    )
 
 
 def test_a_link_does_not_lead_out(tmp_path):
@@ -71,7 +73,7 @@ def test_a_link_does_not_lead_out(tmp_path):
     folder.mkdir()
     (tmp_path / "out.bin").write_bytes(bytes(1000))
     (folder / "b.bin").symlink_to(tmp_path / "out.bin")
-    said = changed(folder, lambda c: c["buffers"][0].update(uri="b.bin"))
+    said = mistake_of_change(folder, lambda c: c["buffers"][0].update(uri="b.bin"))
     assert "leads out of the folder" in said
 
 
@@ -107,14 +109,14 @@ def test_a_link_does_not_lead_out(tmp_path):
 def test_a_broken_gltf_is_a_located_mistake(tmp_path, change, says):
     import re
 
-    assert re.search(says, changed(tmp_path, change))
+    assert re.search(says, mistake_of_change(tmp_path, change))
 
 
 def test_a_corner_must_be_there(tmp_path):
     writer = Writer()
     writer.node(writer.mesh(faces=np.array([[0, 1, 8]])))
     writer.save(tmp_path / "a.glb")
-    assert "a corner that does not exist" in refused(tmp_path, "a.glb")
+    assert "a corner that does not exist" in mistake_of_file(tmp_path, "a.glb")
 
 
 def test_repetitions_are_bounded(tmp_path, monkeypatch):
@@ -125,7 +127,7 @@ def test_repetitions_are_bounded(tmp_path, monkeypatch):
     for _ in range(84):
         writer.node(cube)
     writer.save(tmp_path / "a.glb")
-    assert "more than 1000 triangles" in refused(tmp_path, "a.glb")
+    assert "more than 1000 triangles" in mistake_of_file(tmp_path, "a.glb")
 
 
 def test_an_image_is_measured_before_it_is_unpacked(tmp_path):
@@ -145,9 +147,9 @@ def test_an_image_is_measured_before_it_is_unpacked(tmp_path):
     writer.gltf.images[0] = gl.Image(uri="big.png")
     (tmp_path / "big.png").write_bytes(bomb)
     writer.save(tmp_path / "a.gltf")
-    assert "big.png" in refused(tmp_path, "a.gltf")
+    assert "big.png" in mistake_of_file(tmp_path, "a.gltf")
     (tmp_path / "big.png").write_bytes(b"<svg/>")
-    assert "not a PNG, JPEG or WebP" in refused(tmp_path, "a.gltf")
+    assert "not a PNG, JPEG or WebP" in mistake_of_file(tmp_path, "a.gltf")
 
 
 @pytest.mark.parametrize("size", [3, 11, 12, 19, 30, 400])
@@ -156,7 +158,7 @@ def test_a_glb_that_ends_early_is_a_mistake(tmp_path, size):
     writer.node(writer.mesh())
     path = writer.save(tmp_path / "a.glb")
     path.write_bytes(path.read_bytes()[:size])
-    refused(tmp_path, "a.glb")
+    mistake_of_file(tmp_path, "a.glb")
 
 
 @pytest.mark.parametrize(
@@ -164,7 +166,7 @@ def test_a_glb_that_ends_early_is_a_mistake(tmp_path, size):
 )
 def test_text_that_is_no_gltf_is_a_mistake(tmp_path, text):
     (tmp_path / "a.gltf").write_bytes(text.encode("latin-1"))
-    refused(tmp_path, "a.gltf")
+    mistake_of_file(tmp_path, "a.gltf")
 
 
 @pytest.mark.parametrize(
@@ -181,7 +183,7 @@ def test_a_broken_collada_file_is_a_located_mistake(tmp_path, old, new, says):
     text = dae("<node><instance_geometry url='#g0'/></node>")
     assert old in text
     (tmp_path / "a.dae").write_text(text.replace(old, new, 1))
-    assert says in refused(tmp_path, "a.dae")
+    assert says in mistake_of_file(tmp_path, "a.dae")
 
 
 def test_doubling_nodes_are_counted_first(tmp_path):
@@ -193,7 +195,7 @@ def test_doubling_nodes_are_counted_first(tmp_path):
         )
         text = dae("<node><instance_node url='#n40'/></node>", library=nodes)
         (tmp_path / "a.dae").write_text(text)
-        assert "more than 100000 nodes" in refused(tmp_path, "a.dae")
+        assert "more than 100000 nodes" in mistake_of_file(tmp_path, "a.dae")
 
 
 @pytest.mark.parametrize("name", ["a.glb", "a.gltf", "a.dae", "a.obj", "a.ply", "a.stl"])
@@ -254,7 +256,7 @@ def test_a_small_gltf_takes_little_memory(tmp_path, shared):
     }
     (tmp_path / "a.gltf").write_text(json.dumps(content))
     tracemalloc.start()
-    message = refused(tmp_path, "a.gltf")
+    message = mistake_of_file(tmp_path, "a.gltf")
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert ("no triangles" if shared else "too many elements in total") in message

@@ -11,7 +11,7 @@ from tests.perform.previous_format import previous_format_arrays
 
 import fantoccini as fan
 from damage import entries, fuzz, packed, stored
-from fantoccini.app.web.page import format_of
+from fantoccini.app.web.page import npz_format
 from fantoccini.base import npz
 from fantoccini.base.errors import FileError, Mistake
 from fantoccini.base.files import replacing
@@ -70,7 +70,7 @@ def test_a_file_that_expands_without_bound_is_refused(files, kind, tmp_path):
     assert place.stat().st_size < 2_000_000
     with pytest.raises(FileError, match=r"bomb\.npz: its arrays need 300 MB; allowed .* 256 MB"):
         load(place)
-    assert format_of(place) == ("", {})
+    assert npz_format(place) == ("", {})
 
 
 def changed(files, kind: str, tmp_path, change):

@@ -20,7 +20,7 @@ pytestmark = pytest.mark.slow
 @pytest.fixture(scope="module")
 def optimum() -> fan.control.Optimum:
     return fan.optimise(
-        tosses.task(fan.loads(tosses.ARM)),
+        tosses.following_task(fan.loads(tosses.ARM)),
         exact=True,
         cost_tolerance=0.0,
         tolerance=tosses.KKT,
@@ -30,7 +30,7 @@ def optimum() -> fan.control.Optimum:
 
 def test_it_is_solved_with_its_catches(optimum):
     assert optimum.status is fan.control.AnswerStatus.SOLVED and optimum.kkt <= tosses.KKT
-    assert tosses.catches(optimum.run) >= tosses.TOSSES
+    assert tosses.count_catches(optimum.run) >= tosses.TOSSES
     assert optimum.run.t[-1] == tosses.DURATION
 
 

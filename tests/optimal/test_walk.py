@@ -22,12 +22,12 @@ def test_it_walks_and_slips_by_less_than_a_millimetre_a_step(promenade, dt):
     end, method = gait.duration * (STEPS + 1), fan.TimeStepping(dt=dt)
     inputs = gait.inputs(promenade, STEPS, x0)
     run = fan.simulate(promenade, x0, inputs, end, method=method, save_every=round(2e-3 / dt))
-    steps = walk.walked(promenade, run, gait, STEPS)
+    steps = walk.measure_walk(promenade, run, gait, STEPS)
     assert steps.slip.max(axis=1).mean() < walk.SLIP
     assert steps.lift.min() > 4e-3
     assert steps.way == pytest.approx(2.0 * gait.stride, abs=1e-3)
-    assert steps.repeats.max() < 0.02
-    assert steps.carried > 0.2
+    assert steps.cycle_changes.max() < 0.02
+    assert steps.weight_share > 0.2
     assert steps.upright > 0.97
 
 

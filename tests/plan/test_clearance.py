@@ -399,7 +399,7 @@ def test_slack_strings_keep_clear_along_their_hanging_curve():
     n_different = 0
     for x in states:
         a, b = arm.string_points(x.q_D, x.q_K)["hand"]
-        curve = rope.hanging(a, b, float(x.q_K[2]), 4000)
+        curve = rope.hanging_curve(a, b, float(x.q_K[2]), 4000)
         nearest = min(np.min(np.linalg.norm(curve - bead["at"], axis=1)) - 0.01 for bead in beads)
         expected = min(float(without_strings.of(x)), float(nearest))
         assert float(clear.of(x)) == pytest.approx(expected, abs=4e-3)

@@ -9,7 +9,7 @@ from tests.plays.tiny import CUES, write_play
 import fantoccini as fan
 from fantoccini.output.view.drawing import PictureOptions
 from fantoccini.output.view.films import Frames
-from fantoccini.output.view.geometry import geometry_of
+from fantoccini.output.view.geometry import run_geometry
 from fantoccini.theatre.plays import check_play
 
 pytestmark = pytest.mark.medium
@@ -59,8 +59,8 @@ def test_the_film_shows_a_player_where_the_shot_wants_it(tmp_path):
     play, shown = shots(tmp_path, "    camera: [{when: 2, at: two, zoom: 0.3}]\n")
     run = fan.theatre.verify_play(play).run
     t = np.arange(0.0, 3.4, 0.1)
-    geometry = geometry_of(play.marionette, run.resample(t))
-    options = PictureOptions.of(view=(0.0, 10.0), size=(320, 240), look="stage")
+    geometry = run_geometry(play.marionette, run.resample(t))
+    options = PictureOptions.resolve(view=(0.0, 10.0), size=(320, 240), look="stage")
     frames = Frames(geometry, options, follow=False, shots=shown)
     viewport = frames.layout.viewport
     ball = play.marionette.link_index("two.ball")

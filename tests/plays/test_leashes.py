@@ -9,9 +9,9 @@ from tests.plays.tiny import CUES, write_play
 
 import fantoccini as fan
 from fantoccini.output.view.camera import Viewport
-from fantoccini.output.view.compose import lines
-from fantoccini.output.view.drawing import PictureOptions, layout_of
-from fantoccini.output.view.geometry import geometry_of
+from fantoccini.output.view.compose import string_lines
+from fantoccini.output.view.drawing import PictureOptions, fit_layout
+from fantoccini.output.view.geometry import run_geometry
 from fantoccini.theatre.plays import check_play
 
 pytestmark = pytest.mark.slow
@@ -52,7 +52,7 @@ def test_a_long_leash_stays_slack_and_is_drawn(walk):
     run = verification.run
     assert 1.2 < distance(play, run).max() < 1.58
     assert not run.taut["lead"].any()
-    geometry = geometry_of(play.marionette, run.resample(run.t[::400]))
+    geometry = run_geometry(play.marionette, run.resample(run.t[::400]))
     (k,) = (i for i, name in enumerate(geometry.names) if name == "lead")
     points = geometry.string_curves(2)[k].points
     end_points = points[[0, -1]]
@@ -62,8 +62,8 @@ def test_a_long_leash_stays_slack_and_is_drawn(walk):
     assert (
         0.0 <= points[:, 2].min() < end_points[:, 2].min() - 0.05
     )  # it hangs, or lies on the floor
-    layout = layout_of(geometry, Viewport(0, 0, 300, 300), PictureOptions.of(look="stage"))
-    assert len({tuple(line.colour) for line in lines(geometry, 2, layout)}) == 2
+    layout = fit_layout(geometry, Viewport(0, 0, 300, 300), PictureOptions.resolve(look="stage"))
+    assert len({tuple(line.colour) for line in string_lines(geometry, 2, layout)}) == 2
 
 
 def test_a_cue_that_would_stretch_a_leash_is_refused_with_the_length_it_needs(walk):

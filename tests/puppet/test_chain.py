@@ -12,8 +12,8 @@ from fantoccini.dynamics.marionette import Marionette
 from fantoccini.model.puppet import json_schema, loads
 from fantoccini.model.scene import Scene, assembled
 from fantoccini.model.tree import grow
-from fantoccini.output.view.geometry import geometry_at
-from fantoccini.output.view.still import Still
+from fantoccini.output.view.geometry import state_geometry
+from fantoccini.output.view.still import UncompiledPuppet
 
 pytestmark = pytest.mark.own_puppets
 
@@ -111,10 +111,10 @@ def test_several_puppets_of_a_scene_keep_their_masses_apart() -> None:
 
 def test_pictures_draw_the_string_through_its_masses() -> None:
     marionette = Marionette(loads(f"{TEXT}    {CHAIN}\n"))
-    still = Still(marionette.puppet, marionette.tree)
+    still = UncompiledPuppet(marionette.puppet, marionette.tree)
     x = still.start()
     x = x.replace(q_D=x.q_D + 0.01)
-    threads = geometry_at(still, x, np.zeros(0)).string_curves(0)
+    threads = state_geometry(still, x, np.zeros(0)).string_curves(0)
     assert [t.points.shape for t in threads] == [(5, 3), (5, 3)]
     assert np.allclose(threads[0].points[2], [0.01, 1.01, 0.51])
     assert threads[0].tension == max(threads[0].tension, 0.0)

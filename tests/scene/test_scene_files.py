@@ -12,7 +12,7 @@ import fantoccini as fan
 from fantoccini.base.errors import PuppetError
 from fantoccini.model.puppet import Puppet, loads
 from fantoccini.model.scene import assembled, json_schema, load, loads as loads_scene
-from fantoccini.output.view.geometry import geometry_at
+from fantoccini.output.view.geometry import state_geometry
 
 pytestmark = [pytest.mark.medium, pytest.mark.own_puppets]
 
@@ -240,7 +240,7 @@ def test_loads_reads_both_kinds() -> None:
 
 def test_the_frame_on_which_a_puppet_stands_is_not_drawn(tmp_path) -> None:
     scene = fan.load(written(tmp_path))
-    drawn = geometry_at(scene, scene.state())
+    drawn = state_geometry(scene, scene.state())
     frames = {i for i, link in enumerate(scene.tree.links) if link.name in ("one", "two")}
     assert len(frames) == 2 and not frames & {solid.link for solid in drawn.solids}
     assert len(drawn.names) == 4

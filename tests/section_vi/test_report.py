@@ -12,7 +12,7 @@ from benchmarks.section_vi.file_drives import FileDrives
 from benchmarks.section_vi.heavy_string import HeavyString
 from benchmarks.section_vi.page import page
 from benchmarks.section_vi.report import SectionReport
-from benchmarks.section_vi.symbolic import symbolic
+from benchmarks.section_vi.symbolic import symbolic_blocks
 
 import fantoccini as fan
 from fantoccini import puppets
@@ -27,7 +27,7 @@ def invented_report(puppet: fan.Marionette) -> SectionReport:
     exact = ("event", 1e-8, 1e-9), ("event", 1e-12, 0.0), ("variational", 0.004, 1e-5)
     return SectionReport(
         reduction=fan.lab.validate_reduction(puppet),
-        symbolic=symbolic(puppet),
+        symbolic=symbolic_blocks(puppet),
         mass=puppet.mass,
         duration=1.0,
         first_impact=1.0,
@@ -78,7 +78,7 @@ def test_the_page_has_a_row_for_every_puppet():
 
 
 def test_the_blocks_of_a_rod_on_a_trolley_as_expressions():
-    blocks = symbolic(fan.loads(CART))
+    blocks = symbolic_blocks(fan.loads(CART))
     assert blocks.of_q_D == ((0, 0),)
     (theta,) = blocks.effective.free_symbols
     expected = 3 - sp.cos(theta) ** 2 / 4 / sp.Rational(7, 20)

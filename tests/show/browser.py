@@ -25,7 +25,7 @@ _PATIENCE = 40.0
 """Time limit for software rendering on a busy machine [s]."""
 
 
-def missing() -> str:
+def missing_reason() -> str:
     """Reason why no browser runs here; empty if one does."""
     try:
         import selenium  # noqa: F401
@@ -52,7 +52,7 @@ def driver() -> str | None:
 @contextmanager
 def chrome() -> Iterator[Any]:
     """A browser with an empty profile; the test is skipped without one."""
-    if why := missing():
+    if why := missing_reason():
         pytest.skip(why)
     from selenium import webdriver
     from selenium.webdriver.chrome.service import Service
@@ -93,12 +93,12 @@ def picture(browser: Any, name: str = "") -> np.ndarray:
     return np.asarray(Image.open(io.BytesIO(png)).convert("RGB"))
 
 
-def colours(pixels: np.ndarray) -> int:
+def count_colours(pixels: np.ndarray) -> int:
     """Number of different colours, in steps of 8."""
     return len(np.unique((pixels // 8).reshape(-1, 3), axis=0))
 
 
-def like(pixels: np.ndarray, hue: tuple[int, int, int], off: int = 45) -> int:
+def count_similar_pixels(pixels: np.ndarray, hue: tuple[int, int, int], off: int = 45) -> int:
     """Number of pixels with the colour of a lit body: same hue, any brightness."""
     flat = pixels.reshape(-1, 3).astype(float)
     bright = flat.max(axis=1)
@@ -152,7 +152,7 @@ def press(browser: Any, label: str) -> None:
     )
 
 
-def words(browser: Any) -> str:
+def page_text(browser: Any) -> str:
     """Text of the page."""
     return browser.execute_script("return document.body.innerText")
 

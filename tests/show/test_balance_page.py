@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.show.browser import chrome, picture, until, words
+from tests.show.browser import chrome, page_text, picture, until
 from tests.show.toys import TOY
 from tests.show.viewer import Viewer
 
@@ -53,7 +53,7 @@ def test_a_body_is_pulled_at_and_let_go_while_the_hands_balance_it(page):
 def test_the_box_gives_the_hands_back_and_a_reset_keeps_them_balancing(page):
     live = page.view
     with Viewer(page.url) as viewer:
-        live.later(None, live.reset)
+        live.enqueue(None, live.reset)
         until(lambda: live.balance is not None, "hands that still balance", 120.0)
         viewer.tick("Let the hands balance it", False)
         until(lambda: live.balance is None, "hands with targets")
@@ -91,5 +91,5 @@ def test_the_page_reports_the_balance(page):
     with chrome() as browser:
         page.view.panel.views.shadows_box.value = False
         browser.get(page.url)
-        until(lambda: "updates" in words(browser), "the page tells of updates", 120.0)
+        until(lambda: "updates" in page_text(browser), "the page tells of updates", 120.0)
         picture(browser, "balance")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.show.browser import chrome, like, picture, until
+from tests.show.browser import chrome, count_similar_pixels, picture, until
 
 import fantoccini as fan
 from fantoccini.app.pages.scene_state import scene_at_sample
@@ -38,7 +38,7 @@ def run(block):
     return fan.simulate(block, block.state(), t_end=0.5, method="timestepping")
 
 
-def ticked(show, wanted: bool) -> None:
+def set_checkbox(show, wanted: bool) -> None:
     """Tick or clear the box, as a viewer does."""
     views = show.views if hasattr(show, "views") else show.panel.views
     views.forces_box.value = wanted
@@ -66,7 +66,7 @@ def test_a_live_page_draws_them(block):
         live.performance.advance(0.1)
         until(lambda: not node_of(live).visible, "hidden at first")
         assert live.panel.views.forces_box.visible
-        ticked(live, True)
+        set_checkbox(live, True)
         until(lambda: node_of(live).visible, "arrows")
         points = node_of(live).points
         assert points.shape == (4, 2, 3)
@@ -81,7 +81,7 @@ def test_a_live_page_draws_them(block):
 def test_a_page_without_contact_has_no_box():
     with fan.show(fan.puppets.arm2d(), port=0, browser=False, wait=False) as page:
         assert not page.view.panel.views.forces_box.visible
-        ticked(page.view, True)
+        set_checkbox(page.view, True)
         assert not page.view.panel.forces
 
 
@@ -90,13 +90,13 @@ def test_a_replay_draws_them_as_pictures_do(run):
         replay = page.view
         replay.playing = False
         replay.seek(0.4)
-        ticked(replay, True)
+        set_checkbox(replay, True)
         until(lambda: node_of(replay).visible, "arrows")
-        k = replay.motion.frame(0.4)
+        k = replay.motion.frame_index(0.4)
         until(lambda: replay.shown == k, "that time")
         wanted = scene_at_sample(replay.motion.geometry, k).arrows
         assert node_of(replay).points == pytest.approx(wanted, abs=1e-6)
-        ticked(replay, False)
+        set_checkbox(replay, False)
         assert not node_of(replay).visible
 
 
@@ -106,13 +106,15 @@ def test_a_browser_shows_them(run):
         page.view.playing = False
         page.view.seek(0.4)
         browser.get(page.url)
-        until(lambda: like(picture(browser), (192, 32, 32)) > 200, "the block is seen")
+        until(
+            lambda: count_similar_pixels(picture(browser), (192, 32, 32)) > 200, "the block is seen"
+        )
         without = picture(browser).astype(int)
-        ticked(page.view, True)
-        until(lambda: changed(browser, without) > 150, "the arrows are seen")
+        set_checkbox(page.view, True)
+        until(lambda: count_changed_pixels(browser, without) > 150, "the arrows are seen")
         picture(browser, "forces")
-        ticked(page.view, False)
-        until(lambda: changed(browser, without) < 75, "they are gone")
+        set_checkbox(page.view, False)
+        until(lambda: count_changed_pixels(browser, without) < 75, "they are gone")
 
 
 def test_an_exported_page_has_them_on_request(run, tmp_path):
@@ -121,7 +123,10 @@ def test_an_exported_page_has_them_on_request(run, tmp_path):
 
         def scene() -> np.ndarray:
             browser.get(path.as_uri())
-            until(lambda: like(picture(browser), (192, 32, 32)) > 200, "the block is seen")
+            until(
+                lambda: count_similar_pixels(picture(browser), (192, 32, 32)) > 200,
+                "the block is seen",
+            )
             until(lambda: seconds(browser) > 0.1, "it plays")
             return picture(browser, "html-forces").astype(int)
 
@@ -129,7 +134,7 @@ def test_an_exported_page_has_them_on_request(run, tmp_path):
         without = scene()
         fan.show(run, html=path, forces=True)
         scene()
-        until(lambda: changed(browser, without) > 150, "the arrows are seen")
+        until(lambda: count_changed_pixels(browser, without) > 150, "the arrows are seen")
 
 
 def seconds(browser) -> float:
@@ -148,7 +153,7 @@ def test_files_without_forces_to_draw_are_refused(tmp_path):
         fan.show(swing, forces=True, browser=False, wait=False)
 
 
-def changed(browser, before: np.ndarray) -> int:
+def count_changed_pixels(browser, before: np.ndarray) -> int:
     """Number of different pixels in the scene, left of the panel."""
     left = slice(320, 610)
     return int(np.sum(np.abs(picture(browser) - before)[:, left].max(axis=2) > 60))

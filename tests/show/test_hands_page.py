@@ -7,7 +7,15 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from tests.show.browser import canvas, like, picture, pixel, rectangles, until, words
+from tests.show.browser import (
+    canvas,
+    count_similar_pixels,
+    page_text,
+    picture,
+    pixel,
+    rectangles,
+    until,
+)
 from tests.show.toys import toy
 
 import fantoccini as fan
@@ -25,7 +33,10 @@ def scene(browser, tmp_path_factory):
     page.view.panel.views.shadows_box.value = False  # software draws them slowly
     browser.get(page.url)
     clients = page.server.viser.get_clients
-    until(lambda: clients() and like(picture(browser), RED) > 200, "the puppet is seen")
+    until(
+        lambda: clients() and count_similar_pixels(picture(browser), RED) > 200,
+        "the puppet is seen",
+    )
     page.view.pause()  # targets still count, and nothing has to be drawn
     yield SimpleNamespace(
         browser=browser,
@@ -41,7 +52,7 @@ def drag(scene, monkeypatch, down: int) -> np.ndarray:
     """Drag the bead down by pixels; return its motion in the picture, right and down."""
     from selenium.webdriver.common.actions.action_builder import ActionBuilder
 
-    monkeypatch.setattr(scene.live.holder, "idle", 60.0)
+    monkeypatch.setattr(scene.live.holder, "max_idle_time", 60.0)
     live, performance = scene.live, scene.performance
     performance.reset()
     rectangle = canvas(scene.browser)
@@ -139,7 +150,7 @@ def test_strings_are_wound_without_scrolling(browser, tmp_path):
             return len(sliders) >= n and all(slider["bottom"] < 700 for slider in sliders[:n])
 
         until(lie_above_the_fold, "the sliders are seen")  # after the layout of the page
-        until(lambda: "with Shift" in words(browser), "how strings are wound is told")
+        until(lambda: "with Shift" in page_text(browser), "how strings are wound is told")
 
 
 def test_a_phone_shows_the_puppet_and_not_the_panel(browser, tmp_path):
@@ -154,7 +165,9 @@ def test_a_phone_shows_the_puppet_and_not_the_panel(browser, tmp_path):
         bar = 'div[style*="fixed"][style*="max-height: 60%"]'
         until(lambda: rectangles(browser, bar), "the panel")
         until(lambda: rectangles(browser, bar)[0]["height"] < 70, "it folds")
-        until(lambda: like(picture(browser, "phone"), RED) > 100, "the puppet is seen")
+        until(
+            lambda: count_similar_pixels(picture(browser, "phone"), RED) > 100, "the puppet is seen"
+        )
         clients = page.server.viser.get_clients
         client = until(lambda: next(iter(clients().values()), None), "it is connected")
         rectangle = canvas(browser)
@@ -163,7 +176,7 @@ def test_a_phone_shows_the_puppet_and_not_the_panel(browser, tmp_path):
             assert 0 < x < 390 and 0 < y < rectangles(browser, bar)[0]["y"]
         browser.find_element("css selector", f'{bar} div[style*="cursor: pointer"]').click()
         until(lambda: rectangles(browser, bar)[0]["height"] > 200, "it unfolds")
-        until(lambda: "Drag winds" in words(browser), "strings are wound without Shift")
+        until(lambda: "Drag winds" in page_text(browser), "strings are wound without Shift")
 
 
 class window:

@@ -10,7 +10,16 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from tests.show.browser import canvas, colours, like, picture, pixel, press, until, words
+from tests.show.browser import (
+    canvas,
+    count_colours,
+    count_similar_pixels,
+    page_text,
+    picture,
+    pixel,
+    press,
+    until,
+)
 from tests.show.toys import TOY
 
 import fantoccini as fan
@@ -44,7 +53,7 @@ def test_a_replay_plays_the_motion(browser, swing):
     with fan.show(swing, port=0, browser=False, wait=False) as page:
         page.view.nodes.show_shadows(False)
         browser.get(page.url)
-        until(lambda: like(picture(browser), RED) > 200, "the puppet is seen")
+        until(lambda: count_similar_pixels(picture(browser), RED) > 200, "the puppet is seen")
         first = page.view.t
         until(lambda: page.view.t != first, "it plays")
         press(browser, "Pause")
@@ -54,7 +63,7 @@ def test_a_replay_plays_the_motion(browser, swing):
         early = picture(browser, "replay")
         page.view.seek(0.9)
         until(lambda: np.abs(picture(browser).astype(int) - early).max() > 60, "another time")
-        assert "kinetic" in words(browser)
+        assert "kinetic" in page_text(browser)
 
 
 def test_a_file_plays_from_disk_without_a_network(browser, swing, tmp_path):
@@ -62,9 +71,9 @@ def test_a_file_plays_from_disk_without_a_network(browser, swing, tmp_path):
     assert path.stat().st_size < 1.4e6
     browser.get_log("performance")
     browser.get(path.as_uri())
-    until(lambda: like(picture(browser), RED) > 200, "the puppet is seen")
+    until(lambda: count_similar_pixels(picture(browser), RED) > 200, "the puppet is seen")
     early = picture(browser, "html")
-    assert colours(early) > 100
+    assert count_colours(early) > 100
     until(lambda: np.abs(picture(browser).astype(int) - early).max() > 60, "it moves")
     until(
         lambda: (
@@ -81,10 +90,10 @@ def test_a_file_plays_from_disk_without_a_network(browser, swing, tmp_path):
     assert path.as_uri() in asked
     assert [url for url in asked if not url.startswith(("file:", "data:", "blob:"))] == []
 
-    in_step(browser, swing)
+    check_consistency(browser, swing)
 
 
-def settled(browser) -> np.ndarray:
+def settled_picture(browser) -> np.ndarray:
     """Picture above the player's bar, in which a caret blinks, after a few more frames."""
     browser.execute_async_script(
         "const done = arguments[0];"
@@ -94,9 +103,9 @@ def settled(browser) -> np.ndarray:
     return picture(browser)[:-70].astype(int)
 
 
-def in_step(browser, swing):
+def check_consistency(browser, swing):
     """Bodies, strings, clock and numbers of an exported page belong to one time."""
-    motion = ResampledRun.of(fan.loads(TOY), swing, rate=60.0)
+    motion = ResampledRun.from_run(fan.loads(TOY), swing, rate=60.0)
     server = Server("toy", LIGHT, port=0)
     view = SceneNodes(server.viser, motion.geometry, LIGHT).view("three-quarter")
     server.stop()
@@ -109,21 +118,21 @@ def in_step(browser, swing):
     seen = {}
     for t in (0.6, 1.3, 0.6):  # on, and back
         browser.execute_script(SCRUB, str(t))
-        stands_at(browser, t, motion, swing, camera)
+        check_time(browser, t, motion, swing, camera)
         # viser's player may be one frame away from the typed time: outlines then differ by some
         # hundred pixels. A misplaced ball differs by its area, some three thousand.
-        shot = settled(browser)
+        shot = settled_picture(browser)
         off = np.abs(shot - seen.setdefault(t, shot)).max(axis=2) > 30
         assert off.sum() < 400
     elsewhere = np.abs(seen[0.6] - seen[1.3]).max(axis=2) > 30
     assert elsewhere.sum() > 2000
 
 
-def stands_at(
+def check_time(
     browser, t: float, motion: ResampledRun, swing: fan.Trajectory, camera: SimpleNamespace
 ):
     """Clock, tension, ball and string of an exported page belong to a time [s]."""
-    k = motion.frame(t)
+    k = motion.frame_index(t)
     says = "return ['clock', 'readings'].map(n => document.getElementById(n).innerText)"
 
     def told() -> bool:
@@ -146,6 +155,6 @@ def stands_at(
 
         string = about(0.5 * (ball + end)).astype(int)
         reddish = (string[..., 0] - string[..., 1]).max() > 60
-        return like(about(ball), RED) > 40 and reddish
+        return count_similar_pixels(about(ball), RED) > 40 and reddish
 
     until(drawn, f"ball and string of {t} s")

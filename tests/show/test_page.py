@@ -11,7 +11,16 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from tests.show.browser import canvas, colours, like, picture, pixel, press, until, words
+from tests.show.browser import (
+    canvas,
+    count_colours,
+    count_similar_pixels,
+    page_text,
+    picture,
+    pixel,
+    press,
+    until,
+)
 from tests.show.toys import BAR, GREEN, WRONG, toy
 
 import fantoccini as fan
@@ -40,7 +49,7 @@ def scene(browser, tmp_path_factory):
         file=file,
         client=next(iter(clients().values())),
     )
-    until(lambda: like(picture(browser), RED) > 200, "the puppet is seen")
+    until(lambda: count_similar_pixels(picture(browser), RED) > 200, "the puppet is seen")
     yield scene_parts
     page.close()
 
@@ -50,7 +59,7 @@ def free_strings(request):
     """Every test begins with free strings, and with running time."""
     if "scene" in request.fixturenames:
         live = request.getfixturevalue("scene").live
-        live.holder.leave(live.holder.viewer)
+        live.holder.release(live.holder.viewer)
         if live.paused:
             live.pause()
 
@@ -73,9 +82,11 @@ def at_rest(scene) -> bool:
 
 def test_the_puppet_is_seen_with_its_numbers(scene):
     pixels = picture(scene.browser, "live")
-    assert colours(pixels) > 150
-    assert like(pixels, RED) > 200
-    text = until(lambda: (t := words(scene.browser)) and "N" in t and "line" in t and t, "numbers")
+    assert count_colours(pixels) > 150
+    assert count_similar_pixels(pixels, RED) > 200
+    text = until(
+        lambda: (t := page_text(scene.browser)) and "N" in t and "line" in t and t, "numbers"
+    )
     assert scene.browser.title == "toy"
     weight = 0.3 * 9.81
     assert abs(scene.performance.tension[0] - weight) < 0.02 * weight
@@ -85,7 +96,7 @@ def test_the_puppet_is_seen_with_its_numbers(scene):
 def test_a_bead_is_dragged_and_the_puppet_follows(scene, monkeypatch):
     from selenium.webdriver.common.actions.action_builder import ActionBuilder
 
-    monkeypatch.setattr(scene.live.holder, "idle", 60.0)  # a slow machine releases later
+    monkeypatch.setattr(scene.live.holder, "max_idle_time", 60.0)  # a slow machine releases later
     until(lambda: at_rest(scene), "the puppet hangs still")
     before = scene.performance.place("line")[0]
     bob = scene.performance.state.q_D[:3].copy()
@@ -131,7 +142,7 @@ def test_time_is_paused_and_advanced_by_steps(scene):
     press(scene.browser, "Pause")
     until(lambda: scene.live.paused, "a pause")
     t = scene.performance.t
-    until(lambda: "Go on" in words(scene.browser), "the button says so")
+    until(lambda: "Go on" in page_text(scene.browser), "the button says so")
     assert scene.performance.t == t
     press(scene.browser, "Step")
     until(lambda: scene.performance.t > t, "a step")
@@ -181,7 +192,7 @@ def test_a_recording_is_whole_on_disk_and_replays(scene):
     until(lambda: scene.performance.t > began + 0.6, "time")
     press(scene.browser, "Stop recording")
     path = until(lambda: next(iter(scene.folder.glob("toy-*.npz")), None), "a file")
-    until(lambda: path.name in words(scene.browser), "the page says where")
+    until(lambda: path.name in page_text(scene.browser), "the page says where")
     recording = fan.theatre.Recording.load(path)
     assert recording.duration > 0.4
     again = recording.replay()
@@ -193,15 +204,18 @@ def test_saving_the_file_reloads_the_puppet(scene):
     scene.performance.move("line", [0.1, 0.0, 1.0])
     until(lambda: abs(scene.performance.place("line")[0][0] - 0.1) < 1e-3, "the end is there")
     scene.file.write_text(WRONG, encoding="utf-8")
-    until(lambda: "The file has errors" in words(scene.browser), "mistakes are reported")
-    text = words(scene.browser)
+    until(lambda: "The file has errors" in page_text(scene.browser), "mistakes are reported")
+    text = page_text(scene.browser)
     assert "toy.yaml:8" in text and "<img src=x" in text  # as text
     assert scene.browser.execute_script("return document.querySelector('img[src=x]')") is None
-    assert like(picture(scene.browser, "mistakes"), RED) > 200
+    assert count_similar_pixels(picture(scene.browser, "mistakes"), RED) > 200
     scene.file.write_text(GREEN, encoding="utf-8")
-    until(lambda: like(picture(scene.browser), GREENISH) > 200, "the new puppet is seen")
+    until(
+        lambda: count_similar_pixels(picture(scene.browser), GREENISH) > 200,
+        "the new puppet is seen",
+    )
     picture(scene.browser, "reloaded")
-    assert "The file has errors" not in words(scene.browser)
+    assert "The file has errors" not in page_text(scene.browser)
     assert scene.performance.place("line")[0][0] == pytest.approx(0.1, abs=1e-3)
     assert np.isfinite(scene.performance.state.q_D).all()
 
@@ -210,7 +224,7 @@ def test_one_viewer_holds_the_strings(scene):
     assert scene.live.act("somebody else", lambda: None)
     t = scene.performance.t
     press(scene.browser, "Pause")
-    until(lambda: "Another viewer holds the strings" in words(scene.browser), "a notice")
+    until(lambda: "Another viewer holds the strings" in page_text(scene.browser), "a notice")
     assert not scene.live.paused
     until(lambda: scene.live.holder.viewer is None, "hands are off")
     press(scene.browser, "Pause")
@@ -221,7 +235,10 @@ def test_one_viewer_holds_the_strings(scene):
 def test_a_reopened_tab_shows_the_same_puppet(scene):
     before = scene.performance.t
     scene.browser.refresh()
-    until(lambda: like(picture(scene.browser), GREENISH) > 200, "the puppet is seen again")
+    until(
+        lambda: count_similar_pixels(picture(scene.browser), GREENISH) > 200,
+        "the puppet is seen again",
+    )
     clients = scene.page.server.viser.get_clients
     until(lambda: len(clients()) == 1, "the old tab is gone")
     assert scene.performance.t > before
@@ -269,7 +286,7 @@ def test_a_gamepad_moves_winds_pauses_and_records(scene):
 def test_two_tabs_compete_for_the_strings(scene, monkeypatch):
     from selenium.webdriver.common.keys import Keys
 
-    monkeypatch.setattr(scene.live.holder, "idle", 60.0)
+    monkeypatch.setattr(scene.live.holder, "max_idle_time", 60.0)
     browser, performance = scene.browser, scene.performance
     clients = scene.page.server.viser.get_clients
     first = browser.current_window_handle
@@ -291,7 +308,7 @@ def test_two_tabs_compete_for_the_strings(scene, monkeypatch):
     held = performance.target_length("line")
     browser.switch_to.window(first)
     slider = slide(Keys.ARROW_RIGHT * 9)
-    until(lambda: "Another viewer holds the strings" in words(browser), "the other is notified")
+    until(lambda: "Another viewer holds the strings" in page_text(browser), "the other is notified")
     until(lambda: float(slider.get_attribute("aria-valuenow")) == pytest.approx(held), "snaps back")
     assert performance.target_length("line") == held
     browser.switch_to.window(second)
@@ -310,7 +327,10 @@ def test_rings_turn_a_bar(browser, tmp_path):
     with page:
         browser.get(page.url)
         performance, clients = page.view.performance, page.server.viser.get_clients
-        until(lambda: clients() and like(picture(browser), RED) > 200, "the puppet is seen")
+        until(
+            lambda: clients() and count_similar_pixels(picture(browser), RED) > 200,
+            "the puppet is seen",
+        )
         client = next(iter(clients().values()))
         home, _ = performance.place("bar")
         radius, rectangle = 0.65 * page.view.controls.rings["bar"].scale, canvas(browser)

@@ -34,11 +34,13 @@ HOSTILE = (
 def test_across_the_line_of_sight_a_handle_stays_under_the_mouse():
     eye, moved = np.array([0.0, -3.0, 0.0]), np.array([0.2, 0.0, -0.1])
     home = np.zeros(3)
-    assert drag.follow(np.eye(3), eye, home, home, moved) == pytest.approx(moved, rel=1e-12)
-    assert drag.follow(np.eye(3)[:1], eye, home, home, moved) == pytest.approx(
+    assert drag.drag_displacement(np.eye(3), eye, home, home, moved) == pytest.approx(
+        moved, rel=1e-12
+    )
+    assert drag.drag_displacement(np.eye(3)[:1], eye, home, home, moved) == pytest.approx(
         [0.2, 0.0, 0.0], rel=1e-2
     )
-    assert drag.follow(np.zeros((0, 3)), eye, home, home, moved) == pytest.approx(home)
+    assert drag.drag_displacement(np.zeros((0, 3)), eye, home, home, moved) == pytest.approx(home)
 
 
 def ray(eye, point):
@@ -64,7 +66,7 @@ def test_in_a_visible_plane_a_handle_stays_under_the_mouse(azimuth, elevation, r
     eye = place - 3.0 * ahead + 0.3 * across - 0.2 * upwards
     mouse = place + right * across + up * upwards
     for axes in (np.eye(3)[:2], np.array([[0.8, 0.6, 0.0], [0.0, 1.0, 0.0]])):
-        went = drag.follow(axes, eye, place, place, mouse)
+        went = drag.drag_displacement(axes, eye, place, place, mouse)
         assert went[2] == pytest.approx(0.0, abs=1e-12)
         if ray(eye, mouse)[2] < -0.2:  # the view of the plane is good there as well
             assert ray(eye, place + went) == pytest.approx(ray(eye, mouse), abs=4e-3)
@@ -76,7 +78,7 @@ def test_a_handle_never_runs_away_or_moves_against_the_mouse(height, right, up):
     eye, place = np.array([3.0, 0.0, 1.0]), np.array([0.0, 0.0, 1.0 + height])
     mouse = place + np.array([0.0, right, up])
     for axes in (np.eye(3)[:1], np.eye(3)[:2], np.eye(3)[1:], np.eye(3)):
-        went = drag.follow(axes, eye, place, place, mouse)
+        went = drag.drag_displacement(axes, eye, place, place, mouse)
         # At most twice the angle of the mouse, at a distance that grows by e to the gain.
         turn = np.hypot(right, up) / 2.5
         assert np.linalg.norm(went) <= 5.0 * np.expm1(turn / 0.15) + 1e-9
@@ -89,24 +91,24 @@ def test_names_of_handles_do_not_cover_each_other():
     names = ["head", "shoulder_left", "shoulder_right", "far"]
     places = np.array([[0.0, 0.0, 1.0], [0.0, 0.01, 1.0], [0.0, 0.02, 1.0], [0.0, 0.9, 1.0]])
     view = SimpleNamespace(eye=np.array([3.0, 0.0, 1.0]), target=np.array([0.0, 0.0, 1.0]))
-    above = labels.heights(names, places, view, 1.0)
+    above = labels.handle_label_heights(names, places, view, 1.0)
     near = np.sort(above[:3])
     assert np.all(np.diff(near) > 0.02)
     assert above[3] == near[0] > 0.0
-    assert np.all(labels.heights(names, places, view, 2.0) >= 2.0 * near[0])
-    assert labels.heights([], np.zeros((0, 3)), view, 1.0).shape == (0,)
+    assert np.all(labels.handle_label_heights(names, places, view, 2.0) >= 2.0 * near[0])
+    assert labels.handle_label_heights([], np.zeros((0, 3)), view, 1.0).shape == (0,)
 
 
 def test_a_push_up_is_a_push_away_for_a_handle_in_a_plane():
-    assert drag.nudge(np.eye(3)[:2], AHEAD, 0.1, 0.2) == pytest.approx([0.1, 0.2, 0.0])
-    assert drag.nudge(np.eye(3), AHEAD, 0.1, 0.2) == pytest.approx([0.1, 0.0, 0.2])
+    assert drag.push_displacement(np.eye(3)[:2], AHEAD, 0.1, 0.2) == pytest.approx([0.1, 0.2, 0.0])
+    assert drag.push_displacement(np.eye(3), AHEAD, 0.1, 0.2) == pytest.approx([0.1, 0.0, 0.2])
     down = np.array([0.0, 0.0, -1.0])
-    assert np.isfinite(drag.nudge(np.eye(3)[:2], down, 0.1, 0.2)).all()
+    assert np.isfinite(drag.push_displacement(np.eye(3)[:2], down, 0.1, 0.2)).all()
 
 
 def test_one_viewer_holds_the_strings_until_it_releases_them():
     now = [0.0]
-    holder = Holder(idle=3.0, clock=lambda: now[0])
+    holder = Holder(max_idle_time=3.0, clock=lambda: now[0])
     assert holder.claim(0) and not holder.claim(1) and holder.viewer == 0
     now[0] = 2.9
     assert holder.claim(0)
@@ -114,9 +116,9 @@ def test_one_viewer_holds_the_strings_until_it_releases_them():
     assert not holder.claim(1)
     now[0] = 6.0
     assert holder.viewer is None and holder.claim(1) and not holder.claim(0)
-    holder.leave(0)
+    holder.release(0)
     assert holder.viewer == 1
-    holder.leave(1)
+    holder.release(1)
     assert holder.claim(0)
 
 
@@ -153,9 +155,9 @@ def test_text_of_a_puppet_is_never_markup(name):
     moment = SimpleNamespace(tension=np.array([0.5]), taut=np.array([True]))
     event = SimpleNamespace(t=0.0, kind="catch", name=name, impulse=0.0)
     for html in (
-        panel.bars([name], moment, nodes),
-        panel.note(name),
-        replay.event_list([event], 1.0),
+        panel.tension_table_html([name], moment, nodes),
+        panel.note_html(name),
+        replay.events_html([event], 1.0),
     ):
         page = Page(html)
         assert page.tags <= {"div", "span"}
@@ -181,12 +183,12 @@ def test_sticks_rest_in_the_middle_and_are_bounded():
 
 def test_recordings_have_names_of_their_own(tmp_path):
     now = datetime(2026, 3, 1, 9, 5, 7)
-    first = recorder.free_path(tmp_path, "toy", now)
+    first = recorder.recording_path(tmp_path, "toy", now)
     assert first == tmp_path / "toy-20260301-090507.npz"
     first.touch()
-    assert recorder.free_path(tmp_path, "toy", now) == tmp_path / "toy-20260301-090507-2.npz"
-    assert recorder.free_path(tmp_path, "../../etc/x y", now).parent == tmp_path
-    second = recorder.free_path(tmp_path, "toy", now, {tmp_path / "toy-20260301-090507-2.npz"})
+    assert recorder.recording_path(tmp_path, "toy", now) == tmp_path / "toy-20260301-090507-2.npz"
+    assert recorder.recording_path(tmp_path, "../../etc/x y", now).parent == tmp_path
+    second = recorder.recording_path(tmp_path, "toy", now, {tmp_path / "toy-20260301-090507-2.npz"})
     assert second == tmp_path / "toy-20260301-090507-3.npz"
 
 
@@ -233,7 +235,7 @@ def test_a_recording_is_shown_with_its_parameters_and_all_its_puppets(tmp_path):
     for what in (recording, tmp_path / "two.npz"):
         subject = page.subject_of(what)
         assert np.array_equal(subject.marionette.p, world.p)
-        scene = replay.ResampledRun.of(subject.marionette, subject.run).geometry
+        scene = replay.ResampledRun.from_run(subject.marionette, subject.run).geometry
         assert len(scene.names) == 2
     recording.trajectory.save(tmp_path / "run.npz")
     for run in (recording.trajectory, tmp_path / "run.npz"):

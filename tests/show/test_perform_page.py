@@ -79,12 +79,12 @@ def quiet(request):
     """Every test begins at the start, with nothing played and free strings."""
     if "scene" in request.fixturenames:
         live = request.getfixturevalue("scene").live
-        live.holder.leave(live.holder.viewer)
-        live.later(None, live.reset)
+        live.holder.release(live.holder.viewer)
+        live.enqueue(None, live.reset)
         until(live.jobs.empty, "the jobs are done")
 
 
-def recorded(scene, seconds: float = 0.6) -> str:
+def record_take(scene, seconds: float = 0.6) -> str:
     """Record a hand that moves to and fro; returns the name of the take."""
     before = scene.stage.takes.names
     scene.viewer.press("Record")
@@ -161,7 +161,7 @@ def test_gestures_begin_on_the_beat(scene, monkeypatch):
 
 
 def test_a_take_is_edited_played_kept_and_made_a_gesture(scene):
-    name = recorded(scene, 1.0)
+    name = record_take(scene, 1.0)
     take = scene.stage.takes.take
     until(lambda: name in scene.viewer.options("Take"), "it is listed")
     until(lambda: scene.live.panel.takes.part_of == name, "its part is shown")
@@ -203,7 +203,7 @@ def test_a_take_is_edited_played_kept_and_made_a_gesture(scene):
 
 
 def test_an_overdub_keeps_the_take_and_adds_the_hands(scene):
-    name = recorded(scene)
+    name = record_take(scene)
     take = scene.stage.takes.take
     scene.viewer.tick("hand_right", True)
     until(lambda: scene.stage.armed == {"hand_right"}, "it is armed")
@@ -228,10 +228,10 @@ def test_an_overdub_keeps_the_take_and_adds_the_hands(scene):
 
 
 def test_a_viewer_without_the_strings_changes_nothing(scene, monkeypatch):
-    name, stage = recorded(scene), scene.stage
+    name, stage = record_take(scene), scene.stage
     until(lambda: scene.live.panel.takes.part_of == name, "its part is shown")
     other = stage.takes.names[-1]
-    monkeypatch.setattr(scene.live.holder, "idle", 60.0)
+    monkeypatch.setattr(scene.live.holder, "max_idle_time", 60.0)
     with Viewer(scene.page.url) as second:
         scene.viewer.tick("On the beat", False)
         until(lambda: scene.live.holder.viewer is not None, "the first holds the strings")
@@ -252,7 +252,7 @@ def test_a_viewer_without_the_strings_changes_nothing(scene, monkeypatch):
 
 
 def test_a_take_becomes_a_film(scene):
-    name = recorded(scene)
+    name = record_take(scene)
     scene.viewer.pick("Save as", "Film")
     until((scene.folder / f"{name}.mp4").is_file, "the film")
     import imageio_ffmpeg

@@ -8,12 +8,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from tests.perform.short_play import PLAY
-from tests.show.browser import chrome, picture, pixel, until, words
+from tests.show.browser import chrome, page_text, picture, pixel, until
 from tests.show.viewer import Viewer
 from websockets.sync.client import connect
 
 import fantoccini as fan
-from fantoccini.app.web.page import open_show
+from fantoccini.app.web.page import open_live_play
 
 pytestmark = pytest.mark.slow
 
@@ -23,14 +23,14 @@ def scene(tmp_path_factory):
     folder = tmp_path_factory.mktemp("show")
     (folder / "short.yaml").write_text(PLAY, encoding="utf-8")
     show = fan.theatre.LivePlay(fan.load_play(folder / "short.yaml"))
-    with open_show(show, "light", "127.0.0.1", 0, folder) as page, Viewer(page.url) as viewer:
+    with open_live_play(show, "light", "127.0.0.1", 0, folder) as page, Viewer(page.url) as viewer:
         yield SimpleNamespace(page=page, show=show, viewer=viewer)
 
 
 @pytest.fixture(autouse=True)
 def begun(scene):
     """Every test begins before the first GO."""
-    scene.page.view.later(None, scene.page.view.reset)
+    scene.page.view.enqueue(None, scene.page.view.reset)
     until(lambda: scene.show.voice is None, "it is at the start")
 
 
@@ -77,7 +77,7 @@ def test_a_browser_shows_go_the_cue_and_the_caption_at_once_and_the_space_bar_is
     """It opened with the strings, and GO, the cue and the caption were not in view."""
     with chrome() as browser:
         browser.get(scene.page.url)
-        until(lambda: "stands by for GO" in words(browser), "the tab is shown")
+        until(lambda: "stands by for GO" in page_text(browser), "the tab is shown")
         shown = "GO (Space)", "GO begins 1 pierrot: wave", "pierrot: Good evening!"
         ends = browser.execute_script(
             "return arguments[0].map((text) => [...document.querySelectorAll('*')]"

@@ -10,14 +10,14 @@ import pytest
 from tests.perform.hands import hands_of
 from tests.show.browser import (
     canvas,
-    like,
+    count_similar_pixels,
     open_tab,
+    page_text,
     picture,
     pixel,
     press,
     rectangles,
     until,
-    words,
 )
 from tests.show.toys import toy
 
@@ -33,11 +33,14 @@ def scene(browser, tmp_path, monkeypatch):
     """A live page in the browser, and strings that stay in this viewer's hands."""
     page = fan.show(toy(tmp_path), port=0, browser=False, wait=False, record_to=tmp_path)
     with page:
-        monkeypatch.setattr(page.view.holder, "idle", 60.0)
+        monkeypatch.setattr(page.view.holder, "max_idle_time", 60.0)
         page.view.panel.views.shadows_box.value = False  # software draws them slowly
         browser.get(page.url)
         clients = page.server.viser.get_clients
-        until(lambda: clients() and like(picture(browser), RED) > 200, "the puppet is seen")
+        until(
+            lambda: clients() and count_similar_pixels(picture(browser), RED) > 200,
+            "the puppet is seen",
+        )
         yield SimpleNamespace(
             browser=browser,
             live=page.view,
@@ -65,7 +68,7 @@ def drag_bead(scene, right: int) -> None:
     )
 
 
-def shown(scene, selector: str) -> list:
+def visible_elements(scene, selector: str) -> list:
     """The visible elements."""
     elements = scene.browser.find_elements("css selector", selector)
     return [element for element in elements if element.is_displayed()]
@@ -78,7 +81,7 @@ def buttons(scene) -> list[str]:
     )
 
 
-def recorded(scene, do) -> str:
+def record_take(scene, do) -> str:
     """Record with the page's button; returns the name of the take."""
     before = scene.stage.takes.names
     press(scene.browser, "Record")
@@ -93,21 +96,21 @@ def recorded(scene, do) -> str:
 def test_record_trim_gesture_performance_film(scene):
     from selenium.webdriver import ActionChains
 
-    first = recorded(scene, lambda: drag_bead(scene, 90))
+    first = record_take(scene, lambda: drag_bead(scene, 90))
     whole = scene.stage.takes.take
     open_tab(scene.browser, "Takes")
     until(lambda: first in scene.browser.page_source, "the take is shown")
 
     # Trim: the first end of the part moves to the right, while the hand is still at rest.
-    thumb = until(lambda: shown(scene, ".multi-slider-thumb"), "the ends of the part")[0]
+    thumb = until(lambda: visible_elements(scene, ".multi-slider-thumb"), "the ends of the part")[0]
     mouse = ActionChains(scene.browser).click_and_hold(thumb)
     for _ in range(4):
         mouse = mouse.move_by_offset(2, 0).pause(0.1)
     mouse.release().perform()
     until(lambda: scene.stage.takes.edits.start > 0.0, "it is trimmed")
-    until(lambda: f"of {whole.duration:.2f} s" in words(scene.browser), "the part is told")
+    until(lambda: f"of {whole.duration:.2f} s" in page_text(scene.browser), "the part is told")
 
-    shown(scene, "input.mantine-TextInput-input")[0].click()
+    visible_elements(scene, "input.mantine-TextInput-input")[0].click()
     ActionChains(scene.browser).send_keys("sweep").perform()
     until(lambda: scene.live.panel.takes.name_field.value == "sweep", "the name is typed")
     assert scene.performance.playing == ()  # typing presses no keys of gestures
@@ -133,7 +136,7 @@ def test_record_trim_gesture_performance_film(scene):
         until(lambda: scene.performance.playing == ("sweep",), "the key plays it")
         until(lambda: scene.performance.playing == (), "it ends")
 
-    second = recorded(scene, perform)
+    second = record_take(scene, perform)
     assert second != first
     take = scene.stage.takes.take
     hands = hands_of(scene.performance)
@@ -146,7 +149,7 @@ def test_record_trim_gesture_performance_film(scene):
     press(scene.browser, "Film")
     film = scene.folder / f"{second}.mp4"
     until(film.is_file, "the film is written", patience=120.0)
-    until(lambda: film.name in words(scene.browser), "the page says so")
+    until(lambda: film.name in page_text(scene.browser), "the page says so")
     frames, seconds = imageio_ffmpeg.count_frames_and_secs(str(film))
     assert frames > 10 and seconds == pytest.approx(take.duration, abs=0.1)
     read = imageio_ffmpeg.read_frames(str(film))
@@ -187,11 +190,11 @@ def test_keys_are_heard_after_clicks(scene):
     )
     open_tab(scene.browser, "Gestures")
     until(lambda: "hop" in buttons(scene), "its button")
-    shown(scene, "input[type=checkbox]")[0].click()
+    visible_elements(scene, "input[type=checkbox]")[0].click()
     until(lambda: gesture_player.options.mirrored, "the box is ticked")
     ActionChains(scene.browser).send_keys("1").perform()
     until(lambda: scene.performance.playing, "the key plays it")
-    next(button for button in shown(scene, "button") if button.text == "Record").click()
+    next(button for button in visible_elements(scene, "button") if button.text == "Record").click()
     until(lambda: scene.live.recorder.running, "it records")
     ActionChains(scene.browser).send_keys(Keys.SPACE).send_keys("h").perform()
     until(lambda: not scene.performance.playing, "home: the keys have come")

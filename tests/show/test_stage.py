@@ -11,7 +11,7 @@ from tests.show.browser import until
 import fantoccini as fan
 from fantoccini.app.live import stage as stage_module
 from fantoccini.app.live.stage import Stage
-from fantoccini.app.live.watched_file import INTERVAL
+from fantoccini.app.live.watched_file import CHECK_INTERVAL
 
 pytestmark = pytest.mark.medium
 
@@ -86,7 +86,7 @@ def test_a_score_read_for_the_puppet_before_is_read_again(made, monkeypatch):
     first, second = made.performance.marionette, fan.puppets.marionette()
     monkeypatch.setattr(stage_module, "load_score", slow)
     made.file.write_text(SCORE.replace("nod", "shake"), encoding="utf-8")
-    times, results = count(INTERVAL, INTERVAL), []
+    times, results = count(CHECK_INTERVAL, CHECK_INTERVAL), []
     until(
         lambda: results.append(made.stage.poll(next(times))) or results[-1] is not None, "a score"
     )

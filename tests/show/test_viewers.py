@@ -16,7 +16,7 @@ from tests.show.viewer import Viewer
 from viser import ClientHandle
 
 import fantoccini as fan
-from fantoccini.app.pages.viser_private import fits
+from fantoccini.app.pages.viser_private import is_valid_value
 
 pytestmark = pytest.mark.slow
 
@@ -67,7 +67,7 @@ def test_strings_are_free_after_a_bead_is_released(scene):
 
 
 def test_one_of_two_viewers_holds_and_the_other_is_notified(scene, monkeypatch):
-    monkeypatch.setattr(scene.live.holder, "idle", 60.0)
+    monkeypatch.setattr(scene.live.holder, "max_idle_time", 60.0)
     line = "line"
     with Viewer(scene.url) as second:
         first = Viewer(scene.url)
@@ -86,7 +86,7 @@ def test_one_of_two_viewers_holds_and_the_other_is_notified(scene, monkeypatch):
 
 def test_each_viewer_sees_the_holder_of_the_strings(scene, monkeypatch):
     """The holder reads "You hold the strings"; others read the holder's number."""
-    monkeypatch.setattr(scene.live.holder, "idle", 60.0)
+    monkeypatch.setattr(scene.live.holder, "max_idle_time", 60.0)
     with Viewer(scene.url) as holder, Viewer(scene.url) as second:
         for viewer in (holder, second):
             viewer.wait_for_text("The strings are free")
@@ -188,7 +188,7 @@ def test_many_tabs_leave_nothing_behind(scene):
 
 def test_rings_turn_a_bar_and_stay_with_the_hand_that_turns_them(tmp_path, monkeypatch):
     bar = open_page(fan.loads(BAR), tmp_path)
-    monkeypatch.setattr(bar.live.holder, "idle", 60.0)
+    monkeypatch.setattr(bar.live.holder, "max_idle_time", 60.0)
     turned = Rotation.from_euler("x", 20.0, degrees=True).as_quat()[[3, 0, 1, 2]]
     other = Rotation.from_euler("y", 60.0, degrees=True).as_quat()[[3, 0, 1, 2]]
     home, level = bar.performance.place("bar")
@@ -262,6 +262,6 @@ def test_a_slider_takes_values_in_its_range(value):
     server = viser.ViserServer(port=0, verbose=False)
     try:
         slider = server.gui.add_slider("T", min=0.0, max=1.0, step=0.01, initial_value=0.5)
-        assert fits(slider, 0.7) and not fits(slider, value)
+        assert is_valid_value(slider, 0.7) and not is_valid_value(slider, value)
     finally:
         server.stop()

@@ -57,7 +57,7 @@ def test_a_viser_with_another_server_is_refused(monkeypatch):
     server = SimpleNamespace(stop=lambda: stopped.append(True))
     monkeypatch.setattr(viser, "ViserServer", lambda *_, **__: server)
     with pytest.raises(ViserError, match="does not serve through websockets"):
-        viser_private.start("127.0.0.1", 0, "toy", lambda handler: handler, lambda *_: None)
+        viser_private.start_server("127.0.0.1", 0, "toy", lambda handler: handler, lambda *_: None)
     assert stopped == [True]
 
 

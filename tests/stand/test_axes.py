@@ -35,20 +35,20 @@ def hoisted(crane):
 
 def test_a_carriage_that_takes_string(crane, hoisted):
     """The closed form is trolley = p_c, length = 0.5 - p_c + p_w."""
-    axis_map = AxisMap.of(loads_stand(CRANE), crane.coordinates)
+    axis_map = AxisMap.from_stand(loads_stand(CRANE), crane.coordinates)
     motion = axis_map.motion_of(hoisted)
     trolley, length = (
         hoisted.q_K[:, hoisted.coordinates.q_K.index(n)] for n in ("trolley", "hoist.length")
     )
-    assert np.allclose(motion.of("carriage")[0], trolley, atol=1e-14)
-    assert np.allclose(motion.of("winch")[0], length - 0.5 + trolley, atol=1e-14)
+    assert np.allclose(motion.series_of_axis("carriage")[0], trolley, atol=1e-14)
+    assert np.allclose(motion.series_of_axis("winch")[0], length - 0.5 + trolley, atol=1e-14)
     rates = np.gradient(motion.position, motion.t, axis=0)
     assert np.allclose(rates[5:-5], motion.velocity[5:-5], atol=0.05)
 
 
 def test_the_power_of_axes_is_that_of_coordinates(crane, hoisted):
     """Virtual work: F . pdot = f_K . v_K, for any map."""
-    axis_map = AxisMap.of(loads_stand(CRANE), crane.coordinates)
+    axis_map = AxisMap.from_stand(loads_stand(CRANE), crane.coordinates)
     motion, effort = axis_map.motion_of(hoisted), hoisted.effort.values
     by_axes = np.sum(axis_map.forces(effort) * motion.velocity, axis=1)
     by_coordinates = np.sum(effort * hoisted.v_K, axis=1)
@@ -59,7 +59,7 @@ def test_the_power_of_axes_is_that_of_coordinates(crane, hoisted):
 def test_coordinates_without_an_axis_must_be_constant(crane, hoisted):
     without_winch = CRANE.replace("moves: {trolley: 1, hoist.length: -1}", "moves: {trolley: 1}")
     without_winch = without_winch[: without_winch.index("  winch")]
-    axis_map = AxisMap.of(loads_stand(without_winch), crane.coordinates)
+    axis_map = AxisMap.from_stand(loads_stand(without_winch), crane.coordinates)
     assert axis_map.held == ("hoist.length",)
     with pytest.raises(FileError, match=r":3: axes: no axis moves hoist\.length.* by up to 0\.5"):
         axis_map.motion_of(hoisted)
@@ -68,7 +68,7 @@ def test_coordinates_without_an_axis_must_be_constant(crane, hoisted):
 def test_coordinates_that_one_axis_moves_must_go_together(crane):
     text = CRANE.replace("{trolley: 1, hoist.length: -1}", "{trolley: 2, hoist.length: 1}")
     text = text[: text.index("  winch")] + "zero: {hoist.length: 2.5}\n"
-    axis_map = AxisMap.of(loads_stand(text), crane.coordinates)
+    axis_map = AxisMap.from_stand(loads_stand(text), crane.coordinates)
     start = crane.rest({"hoist.length": 2.5})
     times = np.linspace(0, 2, 50)
     along = {"hoist.length": [(0, 2.5), (1, 2.0)], "trolley": [(0, 0), (1, -1.0)]}

@@ -24,13 +24,13 @@ G = 9.81
 def test_the_torque_of_a_winch_that_lifts_a_mass(hoist, lifted):
     """Closed form: torque = -m (g - lddot) r + J lddot / r, the length l growing."""
     check = check_stand(stand(), lifted, hoist)
-    length, _, acc = check.motion.of("winch")
+    length, _, acc = check.motion.series_of_axis("winch")
     torque = -MASS * (G - acc) * RADIUS + ROTOR * acc / RADIUS
     # Between samples, at kinks of the accelerations, forces are interpolated.
     assert np.allclose(check.torque[:, 0], torque, atol=1e-3 * MASS * G * RADIUS)
     assert np.mean(np.abs(check.torque[:, 0] - torque)) < 1e-6 * MASS * G * RADIUS
     assert np.max(np.abs(acc)) > 5.0 and np.ptp(length) == pytest.approx(0.4, abs=1e-6)
-    limits = check.of("winch")
+    limits = check.limits_of_axis("winch")
     assert limits["speed"].value == pytest.approx(1.875 * 0.4 / 0.5, rel=1e-5)  # minimum jerk
     peak = 10 / np.sqrt(3) * 0.4 / 0.5**2
     assert limits["acceleration"].value == pytest.approx(peak, rel=1e-4)
@@ -166,7 +166,7 @@ def test_steps_lost_under_a_constant_load():
 def test_a_simulated_stepper_agrees(hoist, lifted, share):
     """The same winch as a drive: it loses no step if the check says so, and otherwise more."""
     check = check_stand(stand(), lifted, hoist)
-    torque = share * check.of("winch")["torque"].value
+    torque = share * check.limits_of_axis("winch")["torque"].value
     check = check_stand(stand(f"{torque}"), lifted, hoist)
     real = fan.loads(
         HOIST + f"drives: [{{on: line.length, inertia: {ROTOR}, drum: {RADIUS}, "
@@ -182,7 +182,7 @@ def test_a_simulated_stepper_agrees(hoist, lifted, share):
         method=fan.TimeStepping(dt=1e-4),
         throw=False,
     )
-    limit = check.of("winch")["torque"]
+    limit = check.limits_of_axis("winch")["torque"]
     if share > 1.0:
         assert limit.broken is None and not check.lost and run.status is fan.Status.DONE
     else:
@@ -211,7 +211,7 @@ def test_an_advised_motor_or_drum_passes(hoist, lifted):
 def test_step_rates_are_those_of_the_controller(hoist, lifted):
     bound = {"axes:": "controller: {type: grbl, step_rate: 60000}\naxes:"}
     check = check_stand(stand(**bound), lifted, hoist)
-    limit = check.of("winch")["step rate"]
+    limit = check.limits_of_axis("winch")["step rate"]
     assert limit.value == pytest.approx(1.5 * 3200 / (2 * np.pi * 0.01), rel=1e-4)
     assert limit.broken is not None
     assert any("8 microsteps instead of 16" in line for line in remedies(check))

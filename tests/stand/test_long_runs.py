@@ -16,7 +16,7 @@ pytestmark = pytest.mark.medium
 TIMES = 12
 
 
-def repeated(run: fan.Trajectory, n: int) -> fan.Trajectory:
+def repeat_run(run: fan.Trajectory, n: int) -> fan.Trajectory:
     """A run that ends where it begins, n times."""
 
     def again(values):
@@ -36,10 +36,10 @@ def repeated(run: fan.Trajectory, n: int) -> fan.Trajectory:
 
 @pytest.fixture(scope="module")
 def long_run(conduct):
-    return repeated(conduct, TIMES)
+    return repeat_run(conduct, TIMES)
 
 
-def peak_of(call):
+def peak_memory(call):
     """Result of a call, and the largest memory that it takes [bytes]."""
     tracemalloc.start()
     try:
@@ -51,7 +51,7 @@ def peak_of(call):
 
 def test_the_check_of_a_long_run_takes_little_memory(stand6, conduct, long_run):
     """Once 87 numbers a millisecond: 5.5 GB an hour with its run; now 27."""
-    check, peak = peak_of(lambda: check_stand("six_winches", long_run, stand6))
+    check, peak = peak_memory(lambda: check_stand("six_winches", long_run, stand6))
     assert len(check.axes) == 6 and long_run.duration == pytest.approx(60.0)
     assert peak < 40 * 8 * len(check.times)
     # The shorter run has the same margins: nothing is lost between the pieces.
@@ -64,7 +64,7 @@ def test_the_check_of_a_long_run_takes_little_memory(stand6, conduct, long_run):
 def test_a_run_is_read_without_a_copy(long_run, tmp_path):
     path = tmp_path / "long.npz"
     long_run.save(path)
-    run, peak = peak_of(lambda: fan.Trajectory.load(path))
+    run, peak = peak_memory(lambda: fan.Trajectory.load(path))
     assert peak < 1.3 * path.stat().st_size
     np.testing.assert_array_equal(run.q_D, long_run.q_D)
     with pytest.raises(ValueError, match="read-only"):

@@ -134,7 +134,7 @@ def test_ros_reads_the_trajectory_as_a_message(conduct, ending, tmp_path):
     path = save_points(points, tmp_path / f"conduct{ending}")
     text = path.read_text(encoding="utf-8")
     store = get_typestore(Stores.ROS2_HUMBLE)
-    message = typed(
+    message = typed_message(
         store,
         "trajectory_msgs/msg/JointTrajectory",
         json.loads(text) if ending == ".json" else yaml.safe_load(text),
@@ -142,7 +142,7 @@ def test_ros_reads_the_trajectory_as_a_message(conduct, ending, tmp_path):
     again = store.deserialize_cdr(
         store.serialize_cdr(message, message.__msgtype__), message.__msgtype__
     )
-    motion = points.whole()
+    motion = points.complete_motion()
     assert again.joint_names == [axis.name for axis in points.axes]
     assert len(again.points) == len(motion)
     for name, values in (
@@ -156,10 +156,10 @@ def test_ros_reads_the_trajectory_as_a_message(conduct, ending, tmp_path):
     np.testing.assert_allclose(t, motion.t, atol=1e-9)
     assert np.all(np.diff(t) > 0.0)
     with pytest.raises(TypeError):
-        typed(store, message.__msgtype__, json.loads('{"joint_names": [], "point": []}'))
+        typed_message(store, message.__msgtype__, json.loads('{"joint_names": [], "point": []}'))
 
 
-def typed(store, kind, data):
+def typed_message(store, kind, data):
     """The message of plain data, by the definitions of the message's type."""
     fields = dict(store.fielddefs[kind][1])
     arguments = {}
@@ -168,11 +168,11 @@ def typed(store, kind, data):
             raise TypeError(name)
         what, detail = fields[name]
         if what == 2:  # another message
-            value = typed(store, detail, value)
+            value = typed_message(store, detail, value)
         elif what in (3, 4):  # a list
             inner, of = detail[0]
             value = (
-                [typed(store, of, x) for x in value]
+                [typed_message(store, of, x) for x in value]
                 if inner == 2
                 else value
                 if of[0] == "string"

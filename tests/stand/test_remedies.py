@@ -28,7 +28,7 @@ PARTS = {
 OWN = {"drum": 0.01, "belt": 31, "screw": 0.0628, "shaft": 1.0}
 
 
-def of(kind: str, number: float, torque: float, microsteps: int, rate: float | None) -> str:
+def stand_text(kind: str, number: float, torque: float, microsteps: int, rate: float | None) -> str:
     """The text of a stand for the hoist."""
     old, new, _ = PARTS[kind]
     text = STAND.replace("TORQUE", f"{torque}")
@@ -47,7 +47,7 @@ def of(kind: str, number: float, torque: float, microsteps: int, rate: float | N
     return text.replace(old, new.format(number))
 
 
-def advised(check: StandCheck, kind: str) -> tuple[list[float], int | None]:
+def advised_values(check: StandCheck, kind: str) -> tuple[list[float], int | None]:
     """Smallest and largest advised number of the transmission, and microsteps."""
     (line,) = remedies(check)
     match = re.search(PARTS[kind][2] + r"[^;]*", line)
@@ -66,12 +66,14 @@ def test_every_transmission_that_is_advised_passes_the_whole_check(
     hoist, lifted, kind, torque, rate
 ):
     """A smaller drum has the torque, but needs a higher step rate than the controller has."""
-    weak = check_stand(fan.stand.loads_stand(of(kind, OWN[kind], torque, 16, rate)), lifted, hoist)
+    weak = check_stand(
+        fan.stand.loads_stand(stand_text(kind, OWN[kind], torque, 16, rate)), lifted, hoist
+    )
     assert weak.of("winch")["torque"].broken is not None
-    numbers, microsteps = advised(weak, kind)
+    numbers, microsteps = advised_values(weak, kind)
     assert numbers
     for number in numbers:
-        text = of(kind, number, torque, microsteps or 16, rate)
+        text = stand_text(kind, number, torque, microsteps or 16, rate)
         better = check_stand(fan.stand.loads_stand(text), lifted, hoist)
         assert better.ok, f"{kind} {number}: {better.summary()}"
         assert better.of("winch")["torque"].margin > 9.99
@@ -81,7 +83,7 @@ def test_a_drum_with_too_high_a_step_rate_is_not_advised(hoist, lifted):
     """Radii from 3 mm would suffice for the torque; 8.7 mm already need too high a step rate."""
     weak = check_stand(stand("0.055", **SURE, **RATE), lifted, hoist)
     (line,) = remedies(weak)
-    (low, *_, high), microsteps = advised(weak, "drum")
+    (low, *_, high), microsteps = advised_values(weak, "drum")
     rate = 1.5 * 200 * (microsteps or 16) / (2 * np.pi * low)
     assert rate <= 85000 and "smaller drum" in line and low < high
 
@@ -93,7 +95,7 @@ def test_advised_microsteps_exist_in_drivers(hoist, lifted, microsteps, share):
     needs = 1.5 * 200 * microsteps / (2 * np.pi * 0.01)
     rate = share * needs
     check = check_stand(
-        fan.stand.loads_stand(of("drum", 0.01, 0.5, microsteps, rate)), lifted, hoist
+        fan.stand.loads_stand(stand_text("drum", 0.01, 0.5, microsteps, rate)), lifted, hoist
     )
     (line,) = remedies(check)
     match = re.search(r"or (\d+) microsteps instead of (\d+)", line)
@@ -102,13 +104,15 @@ def test_advised_microsteps_exist_in_drivers(hoist, lifted, microsteps, share):
         assert match is None
         return
     assert (int(match[1]), int(match[2])) == (possible[-1], microsteps)
-    text = of("drum", 0.01, 0.5, int(match[1]), rate)
+    text = stand_text("drum", 0.01, 0.5, int(match[1]), rate)
     assert check_stand(fan.stand.loads_stand(text), lifted, hoist).ok
 
 
 def test_no_microsteps_are_advised_where_the_torque_lacks_too(hoist, lifted):
     """They would meet the step rate, but not pass the whole check."""
-    weak = check_stand(fan.stand.loads_stand(of("drum", 0.01, 0.055, 16, 60000)), lifted, hoist)
+    weak = check_stand(
+        fan.stand.loads_stand(stand_text("drum", 0.01, 0.055, 16, 60000)), lifted, hoist
+    )
     assert {limit.quantity for limit in weak.broken} == {"torque", "step rate"}
     (line,) = remedies(weak)
     assert not re.search(r"or \d+ microsteps instead", line)

@@ -18,19 +18,21 @@ import fantoccini as fan
 from fantoccini.base.errors import FileError, PacketError, StandError
 from fantoccini.stand import (
     Receiver,
-    Sending,
+    SendCounts,
     loads_stand,
-    packets_of,
+    packet_encoder,
     send_points,
     sending,
     set_points,
     udp_sender,
 )
 from fantoccini.stand.sending import REPEAT_TIME
-from fantoccini.stand.stand_file import STANDS
+from fantoccini.stand.stand_file import BUNDLED_STANDS_FOLDER
 
 ABLE = STAND.replace("TORQUE", "0.5").replace("speed: 1\n", "speed: 2\n")
-SIX = (STANDS / "six_winches.yaml").read_text(encoding="utf-8").split("controller:")[0]
+SIX = (
+    (BUNDLED_STANDS_FOLDER / "six_winches.yaml").read_text(encoding="utf-8").split("controller:")[0]
+)
 GENTLE = {"line.length": [(0.2, 0.8), (1.4, 0.6), (1.6, 0.6), (2.8, 0.75)]}
 LOCAL = "127.0.0.1"
 
@@ -120,7 +122,7 @@ def test_art_net_is_read_by_a_library(conduct, bits, universe):
     points = set_points(
         loads_stand(SIX + f"controller: {controller}\n"), conduct, fan.puppets.stand6()
     )
-    packets = packets_of(points.map.stand, points.controller, points.rate)
+    packets = packet_encoder(points.map.stand, points.controller, points.rate)
     assert points.rate == 40.0
     wide, values = bits // 8, []
     for position in points.motion.position:
@@ -143,7 +145,7 @@ def test_a_puppet_on_the_received_set_points_moves_as_in_its_run(hoist, kind):
         with udp_sender(*stand.address) as send:
             done = send_points(points, send)
         time.sleep(0.1)
-    assert stand.wrong == 0 and len(stand) == done.sent
+    assert stand.n_unreadable == 0 and len(stand) == done.sent
     # Before, during and after the motion.
     t = np.array(done.times)
     counts = np.rint(
@@ -200,7 +202,7 @@ def test_without_a_listener_the_motion_does_not_begin(lifted, hoist):
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
         taken.bind((LOCAL, 0))
         port = taken.getsockname()[1]
-    progress = Sending()
+    progress = SendCounts()
     with udp_sender(LOCAL, port) as send, pytest.raises(PacketError, match="not sent") as stopped:
         send_points(points_of(lifted, hoist), send, counts=progress)
     assert stopped.value.t == 0.0 and progress.sent <= 2
@@ -208,7 +210,7 @@ def test_without_a_listener_the_motion_does_not_begin(lifted, hoist):
 
 def test_a_listener_that_goes_away_stops_the_motion(lifted, hoist):
     points = points_of(lifted, hoist)
-    progress = Sending()
+    progress = SendCounts()
     listener = Receiver(points.map.stand, points.controller, LOCAL, 0)
     with listener as stand, udp_sender(*stand.address) as send:
 
@@ -265,7 +267,7 @@ def test_only_art_net_broadcasts(lifted, hoist):
 @pytest.mark.parametrize("answer", [True, False])
 def test_a_hold_stays_on_the_path_and_resumes_or_stops(lifted, hoist, answer):
     """Its time slows down and speeds up linearly; meanwhile the position is repeated."""
-    points, progress = points_of(lifted, hoist, rate=100.0), Sending()
+    points, progress = points_of(lifted, hoist, rate=100.0), SendCounts()
     hold, sent, asked = threading.Event(), [], []
 
     def send(data):
@@ -329,7 +331,7 @@ def test_set_points_resume_at_a_time(lifted, hoist):
         send_points(points, sent.append, first=1.5)
 
 
-def sent_to(points, packets, wait=0.2):
+def stand_after_packets(points, packets, wait=0.2):
     """An emulated stand that received packets, followed by silence."""
     listener = Receiver(points.map.stand, points.controller, LOCAL, 0)
     with listener as stand, udp_sender(*stand.address) as send:
@@ -341,17 +343,17 @@ def sent_to(points, packets, wait=0.2):
 
 def test_the_emulated_stand_refuses_other_packets(lifted, hoist):
     points = points_of(lifted, hoist, "artnet", ", universe: 5")
-    encoder = packets_of(points.map.stand, points.controller, points.rate)
+    encoder = packet_encoder(points.map.stand, points.controller, points.rate)
     good = encoder.encode(np.array([0.3]), 0.0)
     elsewhere = points.controller.model_copy(update={"universe": 6})
-    other = packets_of(points.map.stand, elsewhere, 40.0).encode(np.ones(1), 0.0)
+    other = packet_encoder(points.map.stand, elsewhere, 40.0).encode(np.ones(1), 0.0)
     noise = np.random.default_rng(0).bytes(600)
-    stand = sent_to(points, [good, b"Art-Net\0", other, good[:19], b"", noise], 0.7)
-    assert len(stand) == 1 and stand.wrong == 5
+    stand = stand_after_packets(points, [good, b"Art-Net\0", other, good[:19], b"", noise], 0.7)
+    assert len(stand) == 1 and stand.n_unreadable == 5
     assert stand.stops == 1 and stand.silent
     points = points_of(lifted, hoist)
     message = b"/winch\0\0,f\0\0"
-    stand = sent_to(
+    stand = stand_after_packets(
         points,
         [
             message + b"\x7f\xc0\0\0",
@@ -360,7 +362,7 @@ def test_the_emulated_stand_refuses_other_packets(lifted, hoist):
             message + b"\x3f\0\0\0",
         ],
     )
-    assert len(stand) == 1 and stand.wrong == 3
+    assert len(stand) == 1 and stand.n_unreadable == 3
     assert stand.steps[0, 0] == np.rint(0.5 * points.axes[0].counts_per_unit)
 
 
@@ -389,7 +391,7 @@ def test_mistakes_in_the_file_have_their_line(lifted, hoist, given, message):
         points = set_points(
             loads_stand(f"{ABLE}controller: {{type: {given}}}\n", "s.yaml"), lifted, hoist
         )
-        packets_of(points.map.stand, points.controller, points.rate)
+        packet_encoder(points.map.stand, points.controller, points.rate)
     assert message in str(caught.value)
     assert caught.value.mistakes[0].line == 1 + ABLE.count("\n")
 
@@ -398,11 +400,11 @@ def test_two_axes_do_not_share_a_channel():
     for kind, names in (("artnet", "{head: 3, knees: 4}"), ("osc", "{head: /a, knees: /a}")):
         stand = loads_stand(f"{SIX}controller: {{type: {kind}, names: {names}}}\n")
         with pytest.raises(FileError, match="of its own"):
-            packets_of(stand, stand.controller, 40.0)
+            packet_encoder(stand, stand.controller, 40.0)
     with pytest.raises(StandError, match="DMX allows at most 44"):
-        packets_of(stand, load_controller("artnet"), 100.0)
+        packet_encoder(stand, load_controller("artnet"), 100.0)
     with pytest.raises(StandError, match="needed: --controller osc or artnet"):
-        packets_of(stand, load_controller("csv"), 40.0)
+        packet_encoder(stand, load_controller("csv"), 40.0)
 
 
 def load_controller(kind):

@@ -22,7 +22,7 @@ ABLE = STAND.replace("TORQUE", "0.5").replace("speed: 1\n", "speed: 2\n")
 HOME = ABLE + "    home: {towards: min, at: 0.2, speed: 0.03}\n"
 
 
-def replayed(points, inverse=True):
+def replay_lines(points, inverse=True):
     """The machine after all lines, and its settings."""
     machine = GrblMachine(grbl_settings(points.map.stand, points.controller, points.rate))
     for line in gcode(points, inverse).splitlines():
@@ -41,7 +41,7 @@ def step_errors(points, machine):
 @pytest.mark.parametrize("sequences", [{}, {"home": True, "slack": 0.01, "park": True}])
 def test_six_motors_are_within_a_step_at_all_set_points(conduct, rate, inverse, sequences):
     points = set_points("six_winches", conduct, rate=rate, controller="fluidnc", **sequences)
-    machine = replayed(points, inverse)
+    machine = replay_lines(points, inverse)
     assert np.max(step_errors(points, machine)) <= 1.0
     if sequences:
         home = [axis.file.home.at + 0.002 for axis in points.axes]
@@ -67,7 +67,7 @@ def test_six_motors_are_within_a_step_at_all_set_points(conduct, rate, inverse, 
 )
 def test_holds_reversals_and_fine_steps(lifted, hoist, text):
     points = set_points(loads_stand(text), lifted, hoist, controller="grbl", force=True)
-    assert np.max(step_errors(points, replayed(points))) <= 1.0
+    assert np.max(step_errors(points, replay_lines(points))) <= 1.0
 
 
 def test_a_puppet_on_the_emulated_steps_moves_as_in_its_run(hoist):
@@ -75,7 +75,7 @@ def test_a_puppet_on_the_emulated_steps_moves_as_in_its_run(hoist):
     save_at = np.linspace(0.0, 4.5, 451)
     first = fan.simulate(hoist, x0, fan.Input.waypoints(hoist, GENTLE), 4.5, save_at=save_at)
     points = set_points(loads_stand(ABLE), first, hoist, controller="grbl")
-    machine = replayed(points)
+    machine = replay_lines(points)
     t = points.motion.t[::2]
     p = 1e-3 * machine.positions(machine.dwell_ends[0] + t)
     inputs = fan.Input.samples(hoist, t, {"line.length": p[:, 0]})
@@ -127,7 +127,7 @@ def test_joint_trajectories_read_back(lifted, hoist, tmp_path):
     read = json.loads(a.read_text())
     assert read == yaml.safe_load(b.read_text())
     assert read["joint_names"] == ["winch"]
-    whole = points.whole()
+    whole = points.complete_motion()
     stamps = [p["time_from_start"] for p in read["points"]]
     t = np.array([s["sec"] + 1e-9 * s["nanosec"] for s in stamps])
     np.testing.assert_allclose(t, whole.t, atol=1e-9)
@@ -180,7 +180,7 @@ def test_impossible_motions_of_a_stand_are_refused(lifted, hoist, tmp_path):
     with pytest.raises(StandError, match="travel is"):
         set_points(able, lifted, hoist, controller="grbl", slack=0.2)
     with pytest.raises(StandError, match="homing is not part"):
-        set_points(loads_stand(HOME), lifted, hoist, controller="csv", home=True).whole()
+        set_points(loads_stand(HOME), lifted, hoist, controller="csv", home=True).complete_motion()
     for kind, name in (("csv", "a.gcode"), ("grbl", "a.json"), ("grbl", "a.cfg")):
         with pytest.raises(StandError, match=r"needed|allowed"):
             save_points(set_points(able, lifted, hoist, controller=kind), tmp_path / name)

@@ -19,15 +19,15 @@ from fantoccini.stand import (
     Channel,
     Emulator,
     GrblMachine,
-    Streamed,
+    StreamCounts,
     check_stand,
-    first_lost,
+    first_lost_line,
+    gcode_lines,
     gcode_program,
     grbl_settings,
-    lines_of,
     loads_stand,
     positions_together,
-    resumed_points,
+    resume_points,
     save_points,
     serial_port,
     set_points,
@@ -161,13 +161,13 @@ def test_programs_of_all_controllers_keep_the_same_time(points, slack):
 
 def stream_both(emulators, points, programs, hold=None, should_resume=None):
     """Streams all programs; returns their progress, and the error if any."""
-    counts = {name: Streamed() for name in programs}
+    counts = {name: StreamCounts() for name in programs}
     ports = {name: serial_port(emulators[name].port, 115_200) for name in programs}
     with ports["left"] as left, ports["right"] as right:
         channels = [
             Channel(
                 port,
-                lines_of(programs[name].text),
+                gcode_lines(programs[name].text),
                 name=name,
                 start=programs[name].first_line,
                 counts=counts[name],
@@ -242,7 +242,7 @@ def test_after_a_failure_of_one_both_continue_together_from_a_time(points, event
     assert emulators["left"].resets == 1  # the other one is stopped as well
     times = {
         name: programs[name].time_of(
-            first_lost(
+            first_lost_line(
                 programs[name].text, counts[name].last_line, points.parts[name].controller.planner
             )
         )
@@ -250,7 +250,7 @@ def test_after_a_failure_of_one_both_continue_together_from_a_time(points, event
     }
     t = min(times.values())
     assert 0.05 < t < 1.4
-    continued = resumed_points(points, t)
+    continued = resume_points(points, t)
     for name, part in continued.parts.items():
         machine = emulators[name].machine
         machine.executed.clear()
@@ -268,7 +268,7 @@ def test_after_a_failure_of_one_both_continue_together_from_a_time(points, event
 def test_continuing_from_a_time_is_the_same_path_from_rest(points):
     """s rises linearly to ds/dt = 1, within half more than the largest acceleration."""
     for t in (0.0, 0.31, 0.9, 1.45, 1.4999):
-        continued = resumed_points(points, t)
+        continued = resume_points(points, t)
         m, s = continued.motion, continued.resumed
         assert m.t[0] == 0.0 and s[0] == t and s[-1] == points.motion.t[-1]
         assert np.all(np.diff(m.t) > 0.0) and np.all(np.diff(s) > 0.0)
@@ -285,7 +285,7 @@ def test_continuing_from_a_time_is_the_same_path_from_rest(points):
     with pytest.raises(
         StandError, match=r"found 1\.5 s to continue from; the set points last 1\.5 s"
     ):
-        resumed_points(points, 1.5)
+        resume_points(points, 1.5)
 
 
 def test_half_a_stand_names_what_moves_elsewhere(eight, run, tmp_path):
@@ -307,4 +307,4 @@ def test_half_a_stand_names_what_moves_elsewhere(eight, run, tmp_path):
         ("elsewhere: [line0.length]\n", "an axis of this stand moves 'line0.length'"),
     ):
         with pytest.raises(FileError, match=words):
-            AxisMap.of(loads_stand(half + text), eight.coordinates)
+            AxisMap.from_stand(loads_stand(half + text), eight.coordinates)

@@ -10,7 +10,7 @@ from tests.stand.hoist import HOIST, lift, stand
 
 import fantoccini as fan
 from fantoccini.stand import check_stand, find_slower_tempo, inputs_of, loads_stand, slow_down
-from fantoccini.stand.stand_file import STANDS
+from fantoccini.stand.stand_file import BUNDLED_STANDS_FOLDER
 from fantoccini.stand.tempo import body_distances
 
 
@@ -42,7 +42,7 @@ def test_the_same_tempo_is_the_same_motion(conducted):
 def test_a_slower_run_is_simulated_and_differs(conducted):
     """The motion is not merely stretched in time: the swing keeps its period."""
     puppet, _, run = conducted
-    text = (STANDS / "six_winches.yaml").read_text(encoding="utf-8")
+    text = (BUNDLED_STANDS_FOLDER / "six_winches.yaml").read_text(encoding="utf-8")
     tight = loads_stand(text.replace("speed: 1.2", "speed: 0.3"))
     check = check_stand(tight, run, puppet)
     assert not check.ok and check.first.quantity == "speed"
@@ -51,8 +51,8 @@ def test_a_slower_run_is_simulated_and_differs(conducted):
     assert best is not None and best.check.ok
     assert need < best.factor < 1.1 * need and f"{best.factor:.3g} times as long" in words
     assert best.run.duration == pytest.approx(5.0 * best.factor)
-    speeds = [max(check.of(a.name)["speed"].value for a in check.axes)]
-    speeds.append(max(best.check.of(a.name)["speed"].value for a in check.axes))
+    speeds = [max(check.limits_of_axis(a.name)["speed"].value for a in check.axes)]
+    speeds.append(max(best.check.limits_of_axis(a.name)["speed"].value for a in check.axes))
     assert speeds[0] / speeds[1] == pytest.approx(best.factor, rel=1e-3)
     # The puppet differs by millimetres, and would not if time were only stretched.
     assert best.deviation > 0.003
@@ -66,7 +66,7 @@ def test_a_slower_run_is_simulated_and_differs(conducted):
 def test_no_tempo_makes_a_travel_longer():
     hoist = fan.loads(HOIST)
     check = check_stand(stand(**{"[0.2, 0.9]": "[0.5, 0.9]"}), lift(hoist), hoist)
-    assert check.of("winch")["travel"].broken is not None
+    assert check.limits_of_axis("winch")["travel"].broken is not None
     best, words = find_slower_tempo(check)
     assert best is None and "the travel is too short at any tempo" in words
 

@@ -11,14 +11,14 @@ import fantoccini as fan
 from fantoccini.base.documents.located import read_file
 from fantoccini.base.errors import FileError
 from fantoccini.stand import AxisMap, axes_of, load_stand, loads_stand, stand_names, stand_schema
-from fantoccini.stand.stand_file import STANDS
+from fantoccini.stand.stand_file import BUNDLED_STANDS_FOLDER
 
 
 @pytest.mark.parametrize("name", stand_names())
 def test_bundled_stands_move_their_puppets(name):
     loaded = load_stand(name)
     marionette = fan.load(loaded.puppet_path)
-    axis_map = AxisMap.of(loaded, marionette.coordinates)
+    axis_map = AxisMap.from_stand(loaded, marionette.coordinates)
     assert len(axis_map.axes) in (6, 21) and all(a.kind == "stepper" for a in axis_map.axes)
     p = np.random.default_rng(1).normal(size=(5, len(axis_map.axes)))
     q = axis_map.coordinates_of(p)
@@ -32,7 +32,7 @@ def test_the_schema_accepts_the_bundled_stands():
     schema = stand_schema()
     jsonschema.Draft202012Validator.check_schema(schema)
     for name in stand_names():
-        jsonschema.validate(read_file(STANDS / f"{name}.yaml").data, schema)
+        jsonschema.validate(read_file(BUNDLED_STANDS_FOLDER / f"{name}.yaml").data, schema)
     wrong = {"stand": "a", "axes": {"x": {"moves": {"q": 1}, "motor": {"type": "steper"}}}}
     with pytest.raises(jsonschema.ValidationError, match="steper"):
         jsonschema.validate(wrong, schema)
@@ -132,13 +132,13 @@ def test_mistakes_have_their_line(old, new, line, words):
 def test_axes_are_bound_to_driven_coordinates():
     hoist = fan.loads(HOIST)
     with pytest.raises(FileError, match=r"did you mean 'line\.length'"):
-        AxisMap.of(stand(**{"line.length": "lines.length"}), hoist.coordinates)
+        AxisMap.from_stand(stand(**{"line.length": "lines.length"}), hoist.coordinates)
     driven = fan.loads(HOIST + "drives: [{on: line.length, inertia: 1.0e-5, drum: 0.01}]")
     with pytest.raises(FileError, match="has a drive of its own"):
-        AxisMap.of(stand(), driven.coordinates)
+        AxisMap.from_stand(stand(), driven.coordinates)
     bar = fan.puppets.marionette_bar()
     with pytest.raises(FileError, match="part of an orientation"):
-        AxisMap.of(stand(**{"line.length": "bar.qx"}), bar.coordinates)
+        AxisMap.from_stand(stand(**{"line.length": "bar.qx"}), bar.coordinates)
 
 
 def test_a_missing_puppet_is_named(tmp_path):

@@ -14,13 +14,13 @@ from fantoccini.base.errors import StandError, StreamError
 from fantoccini.stand import (
     Emulator,
     GrblMachine,
-    Streamed,
-    first_lost,
+    StreamCounts,
+    first_lost_line,
     gcode,
+    gcode_lines,
     grbl_settings,
-    lines_of,
     loads_stand,
-    resumed,
+    resume_lines,
     serial_port,
     set_points,
     stream,
@@ -44,10 +44,10 @@ def machine_of(points):
 def test_a_streamed_motion_is_that_of_the_file(points, counting):
     emulator = Emulator(machine_of(points), pace=1e-3)
     with emulator, serial_port(emulator.port, 115_200) as port:
-        done = stream(port, lines_of(gcode(points)), counting=counting)
+        done = stream(port, gcode_lines(gcode(points)), counting=counting)
     assert emulator.overrun == 0 and emulator.max_buffered <= 128 and done.max_unanswered <= 127
     assert (done.max_unanswered > 90) == counting  # the buffer is used
-    assert emulator.lines == [line.text for line in lines_of(gcode(points))]
+    assert emulator.lines == [line.text for line in gcode_lines(gcode(points))]
     machine = emulator.machine
     at = machine.positions(machine.dwell_ends[0] + points.motion.t) * machine.settings.steps
     assert np.max(np.abs(np.rint(at) - points.counts)) <= 1.0
@@ -57,7 +57,7 @@ def test_the_emulator_loses_lines_beyond_its_buffer(points):
     """The test above can fail: a stream that counts too high overruns the buffer."""
     emulator = Emulator(machine_of(points), pace=5e-3)
     with emulator, serial_port(emulator.port, 115_200) as port, pytest.raises(StreamError):
-        stream(port, lines_of(gcode(points)), buffer=2000, silence=0.5)
+        stream(port, gcode_lines(gcode(points)), buffer=2000, silence=0.5)
     assert emulator.overrun > 0
 
 
@@ -67,16 +67,16 @@ def test_an_error_stops_the_stream_with_line_and_reason(points):
     text[k] = "G7"
     with Emulator(machine_of(points), pace=1e-3) as emulator:
         with serial_port(emulator.port, 115_200) as port, pytest.raises(StreamError) as stopped:
-            stream(port, lines_of("\n".join(text)))
+            stream(port, gcode_lines("\n".join(text)))
         threading.Event().wait(0.1)  # time for the reset to arrive
     assert (stopped.value.line, stopped.value.text) == (k + 1, "G7")
     assert "error:20, this command is not known" in str(stopped.value)
     assert emulator.resets == 1
-    assert len(emulator.lines) < len(lines_of("\n".join(text)))
+    assert len(emulator.lines) < len(gcode_lines("\n".join(text)))
 
 
 def test_a_hold_resumes_or_stops(points):
-    lines, hold, asked = lines_of(gcode(points)), threading.Event(), []
+    lines, hold, asked = gcode_lines(gcode(points)), threading.Event(), []
 
     def hold_at_line_20(at):
         if at.done == 20:
@@ -101,7 +101,7 @@ def test_a_hold_resumes_or_stops(points):
                     )
                     assert emulator.lines == [line.text for line in lines]
                 else:
-                    counts = Streamed()
+                    counts = StreamCounts()
                     with pytest.raises(StreamError, match="stopped here") as stopped:
                         stream(
                             port,
@@ -119,12 +119,12 @@ def test_a_hold_resumes_or_stops(points):
 
 def test_a_stream_resumes_from_a_line(points):
     text = gcode(points)
-    lines = lines_of(text)
+    lines = gcode_lines(text)
     machine = machine_of(points)
     for line in lines[:40]:
         assert machine.answer(line.text) == "ok"
     machine.reset()  # waiting moves are lost
-    for line in resumed(text, lines[40].number):
+    for line in resume_lines(text, lines[40].number):
         assert machine.answer(line.text) == "ok", line
     t0 = points.motion.t[-1] - points.motion.t
     at = machine.positions(machine.time - t0) * machine.settings.steps
@@ -132,20 +132,20 @@ def test_a_stream_resumes_from_a_line(points):
     assert abs(np.rint(at[-1, 0]) - points.counts[-1, 0]) <= 1.0
     assert machine.position[0] == pytest.approx(1e3 * points.motion.position[-1, 0], abs=0.02)
     with pytest.raises(StandError, match="no line 9999"):
-        resumed(text, 9999)
+        resume_lines(text, 9999)
 
 
 def test_lines_that_a_reset_may_have_lost(points):
     """The line to resume from is the position at the stop, or at most one line before it."""
     text = gcode(points)
-    lines = lines_of(text)
+    lines = gcode_lines(text)
     for taken in (8, 20, 40, 50, 60):
         machine = machine_of(points)
         for line in lines[:taken]:
             machine.answer(line.text)
         machine.reset()
-        first = first_lost(text, lines[taken - 1].number, points.controller.planner)
-        begin = resumed(text, first, 6000.0)
+        first = first_lost_line(text, lines[taken - 1].number, points.controller.planner)
+        begin = resume_lines(text, first, 6000.0)
         at = machine.position[0]
         assert [line.text for line in begin[:3]] == ["G21", "G90", "G94"]
         go_back = float(begin[3].text.split("X")[1].split("F")[0])
@@ -161,11 +161,11 @@ def test_silence_and_wrong_ports_are_reported(points):
         emulator.held = True
         refused = pytest.raises(StreamError, match=r"no answer in 0\.3 s")
         with serial_port(emulator.port, 115_200) as port, refused:
-            stream(port, lines_of("G21\n"), silence=0.3)
+            stream(port, gcode_lines("G21\n"), silence=0.3)
     with (
         pytest.raises(StandError, match=r"not_there: No such file or directory$"),
         serial_port("/dev/not_there", 9600),
     ):
         pass
     with pytest.raises(StreamError, match="longer than the buffer"):
-        stream(None, lines_of("X" * 200))
+        stream(None, gcode_lines("X" * 200))

@@ -12,8 +12,8 @@ import fantoccini as fan
 from fantoccini.motion import State
 
 # The marionette and its initial states are those of the report of long runs.
-marionette, all_taut = subject.damped, subject.all_taut
-swinging, gentle = subject.swinging, subject.swing
+marionette, all_taut = subject.damped, subject.taut_rest
+swinging, gentle = subject.swinging_state, subject.random_swing
 
 DOLL = """
 puppet: doll

@@ -13,21 +13,21 @@ from fantoccini.model.puppet import Puppet, load
 from fantoccini.model.tree import grow
 from fantoccini.motion import EventRecord, Trajectory
 from fantoccini.motion.columns import Columns
-from fantoccini.output.view.still import Still
+from fantoccini.output.view.still import UncompiledPuppet
 
 
-class StillLife(Still):
+class StillLife(UncompiledPuppet):
     """Poses of one puppet, without a compiled model."""
 
     def __init__(self, puppet: Puppet):
         super().__init__(puppet, grow(puppet))
 
 
-def bundled(name: str) -> StillLife:
+def bundled_still_life(name: str) -> StillLife:
     return StillLife(load(puppets.path(name)))
 
 
-def swinging(marionette: StillLife, duration: float = 1.0, rows: int = 41) -> Trajectory:
+def swinging_motion(marionette: StillLife, duration: float = 1.0, rows: int = 41) -> Trajectory:
     """An invented motion: free and ball joints turn a little, every third string goes slack."""
     table, tree = marionette.coordinates, marionette.tree
     t = np.linspace(0.0, duration, rows)
@@ -71,9 +71,9 @@ def swinging(marionette: StillLife, duration: float = 1.0, rows: int = 41) -> Tr
     )
 
 
-def walking(m: StillLife, far: float) -> Trajectory:
+def walking_motion(m: StillLife, far: float) -> Trajectory:
     """An invented motion of the marionette on its bar, carried forwards by `far` [m]."""
-    run = swinging(m, 3.0)
+    run = swinging_motion(m, 3.0)
     by = far * (1.0 - np.cos(np.pi * run.t / 3.0)) / 2.0
     moved = {}
     for name in ("q_D", "q_K"):

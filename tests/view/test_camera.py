@@ -3,21 +3,21 @@
 import numpy as np
 import pytest
 
-from fantoccini.output.view.camera import Camera, Viewport, axes, fit, point_of_view
+from fantoccini.output.view.camera import Camera, Viewport, camera_axes, fit_camera, point_of_view
 
 VIEW = Viewport(0.0, 0.0, 400.0, 200.0)
 
 
 def test_known_points_fall_on_known_pixels():
     """The eye is at +x, 10 m away, opening 90 deg: +y is right, +z up, half the height is 10 m."""
-    camera = Camera(np.array([10.0, 0.0, 0.0]), axes(0.0, 0.0), 1.0)
+    camera = Camera(np.array([10.0, 0.0, 0.0]), camera_axes(0.0, 0.0), 1.0)
     points = np.array([[0, 0, 0], [0, 10, 0], [0, 0, 10], [5, 5, 0]], dtype=float)
     wanted = [[200, 100, 10], [300, 100, 10], [200, 200, 10], [300, 100, 5]]
     assert camera.project(points, VIEW) == pytest.approx(np.array(wanted, dtype=float))
 
 
 def test_rays_undo_projection():
-    camera = Camera(np.array([3.0, -2.0, 1.0]), axes(-0.6, 0.2), 0.3)
+    camera = Camera(np.array([3.0, -2.0, 1.0]), camera_axes(-0.6, 0.2), 0.3)
     points = np.random.default_rng(1).normal(size=(20, 3)) * 0.3
     placed = camera.project(points, VIEW)
     again = camera.eye + camera.rays(placed[:, :2], VIEW) * placed[:, 2:]
@@ -28,7 +28,7 @@ def test_rays_undo_projection():
 def test_fit_holds_every_ball_and_no_more(seed):
     rng = np.random.default_rng(seed)
     points, radii = rng.normal(size=(60, 3)) * [1.0, 2.0, 3.0], rng.uniform(0.0, 0.3, 60)
-    camera = fit(points, radii, *rng.uniform(-1.0, 1.0, 2), 2.0, margin=0.0)
+    camera = fit_camera(points, radii, *rng.uniform(-1.0, 1.0, 2), 2.0, margin=0.0)
     ball = rng.normal(size=(500, 3))
     ball /= np.linalg.norm(ball, axis=1, keepdims=True)
     placed = camera.project(points[:, None] + radii[:, None, None] * ball, VIEW)

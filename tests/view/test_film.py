@@ -12,9 +12,9 @@ import fantoccini as fan
 from fantoccini.output import view
 from fantoccini.output.view.drawing import PictureOptions
 from fantoccini.output.view.films import Frames
-from fantoccini.output.view.geometry import geometry_of
+from fantoccini.output.view.geometry import run_geometry
 from fantoccini.output.view.theme import DARK
-from view.still_life import bundled, walking
+from view.still_life import bundled_still_life, walking_motion
 
 pytestmark = pytest.mark.medium
 
@@ -57,7 +57,7 @@ def test_slow_motion_is_longer(tmp_path, swung):
 
 def test_frames_move_and_repeat_exactly(swung):
     m, run = swung
-    frames = Frames(geometry_of(m, run), PictureOptions.of(theme=DARK, size=(320, 240)))
+    frames = Frames(run_geometry(m, run), PictureOptions.resolve(theme=DARK, size=(320, 240)))
     first = np.array(frames.draw(0))
     later = np.array(frames.draw(20))
     assert first.shape == (240, 320, 4)
@@ -66,7 +66,7 @@ def test_frames_move_and_repeat_exactly(swung):
 
 
 def test_a_failing_encoder_is_quoted_and_leaves_nothing(tmp_path, swung, monkeypatch):
-    codecs = importlib.import_module("fantoccini.output.view.films").CODECS
+    codecs = importlib.import_module("fantoccini.output.view.films").CODEC_ARGUMENTS
     monkeypatch.setitem(codecs, ".mp4", ("-c:v", "no_such_codec", "-f", "mp4"))
     with pytest.raises(view.FilmError, match="no_such_codec"):
         view.film(*swung, tmp_path / "a.mp4", fps=10, size=(160, 120))
@@ -93,12 +93,12 @@ def test_motions_that_cannot_be_filmed_are_refused(tmp_path, swung):
 
 def test_the_camera_follows_a_walking_puppet():
     """Regression: a walking puppet was small in the picture, or left it."""
-    m = bundled("marionette_bar")
-    run = walking(m, 4.0)
-    geometry = geometry_of(m, run)
-    frames = Frames(geometry, PictureOptions.of(theme=DARK, size=(320, 240)))
+    m = bundled_still_life("marionette_bar")
+    run = walking_motion(m, 4.0)
+    geometry = run_geometry(m, run)
+    frames = Frames(geometry, PictureOptions.resolve(theme=DARK, size=(320, 240)))
     assert frames.pan[-1] - frames.pan[0] == pytest.approx([4.0, 0.0, 0.0], abs=0.1)
-    still = Frames(geometry, PictureOptions.of(theme=DARK, size=(320, 240)), follow=False)
+    still = Frames(geometry, PictureOptions.resolve(theme=DARK, size=(320, 240)), follow=False)
     assert still.pan is None
     for k in (0, 20, 40):
         camera = frames.layout.camera
@@ -116,11 +116,14 @@ def test_the_camera_follows_a_walking_puppet():
 
 def test_the_camera_stands_still_without_a_walk(swung):
     m, run = swung
-    look = PictureOptions.of(focus="bodies", theme=DARK, size=(160, 120))
-    assert Frames(geometry_of(m, run), look).pan is None
-    m = bundled("marionette_bar")
-    run = walking(m, 0.2)
-    assert Frames(geometry_of(m, run), PictureOptions.of(theme=DARK, size=(160, 120))).pan is None
+    look = PictureOptions.resolve(focus="bodies", theme=DARK, size=(160, 120))
+    assert Frames(run_geometry(m, run), look).pan is None
+    m = bundled_still_life("marionette_bar")
+    run = walking_motion(m, 0.2)
+    assert (
+        Frames(run_geometry(m, run), PictureOptions.resolve(theme=DARK, size=(160, 120))).pan
+        is None
+    )
 
 
 def test_pictures_and_films_have_one_default_theme():

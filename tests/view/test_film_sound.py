@@ -17,7 +17,7 @@ from fantoccini.output.view.drawing import Sheet
 from fantoccini.output.view.subtitles import Subtitles
 from fantoccini.output.view.theme import theme_of
 from fantoccini.theatre.gestures import Caption, Sound
-from view.still_life import bundled, swinging
+from view.still_life import bundled_still_life, swinging_motion
 
 RATE = 8000
 FFMPEG = imageio_ffmpeg.get_ffmpeg_exe()
@@ -25,8 +25,8 @@ FFMPEG = imageio_ffmpeg.get_ffmpeg_exe()
 
 @pytest.fixture(scope="module")
 def puppet():
-    m = bundled("arm2d")
-    return m, swinging(m, 2.0)
+    m = bundled_still_life("arm2d")
+    return m, swinging_motion(m, 2.0)
 
 
 @pytest.fixture
@@ -51,12 +51,12 @@ def sound_of(film: Path) -> np.ndarray:
     return np.frombuffer(done.stdout, dtype="<f4")
 
 
-def loud(film: Path) -> np.ndarray:
+def times_with_sound(film: Path) -> np.ndarray:
     """Times with sound [s]."""
     return np.flatnonzero(np.abs(sound_of(film)) > 0.05) / RATE
 
 
-def pictures(film: Path) -> list[np.ndarray]:
+def frame_pixels(film: Path) -> list[np.ndarray]:
     """The frames' pixels."""
     reader = imageio_ffmpeg.read_frames(str(film))
     width, height = next(reader)["source_size"]
@@ -70,7 +70,7 @@ def options() -> dict:
 def test_the_sound_is_in_the_film_at_its_time(puppet, beep, tmp_path):
     film = view.film(*puppet, tmp_path / "a.mp4", sounds=[beep], **options())
     assert len(sound_of(film)) / RATE == pytest.approx(2.0, abs=0.03)
-    at = loud(film)
+    at = times_with_sound(film)
     assert at.min() == pytest.approx(0.5, abs=0.03) and at.max() == pytest.approx(1.0, abs=0.03)
     frames, _ = imageio_ffmpeg.count_frames_and_secs(str(film))
     assert frames == 20
@@ -78,7 +78,7 @@ def test_the_sound_is_in_the_film_at_its_time(puppet, beep, tmp_path):
 
 def test_slow_films_have_slow_sound_of_the_same_pitch(puppet, beep, tmp_path):
     film = view.film(*puppet, tmp_path / "a.mp4", sounds=[beep], speed=0.5, **options())
-    at = loud(film)
+    at = times_with_sound(film)
     assert at.min() == pytest.approx(1.0, abs=0.08) and at.max() == pytest.approx(2.0, abs=0.08)
     part = sound_of(film)[int(1.3 * RATE) : int(1.7 * RATE)]
     spectrum = np.abs(np.fft.rfft(part * np.hanning(len(part))))
@@ -95,7 +95,7 @@ def test_sounds_are_mixed_and_cut_with_the_film(puppet, beep, tmp_path):
     film = view.film(*puppet, tmp_path / "a.mp4", sounds=[beep, quiet, before, never], **options())
     samples = sound_of(film)
     assert len(samples) / RATE == pytest.approx(2.0, abs=0.03)
-    at = loud(film)
+    at = times_with_sound(film)
     gaps = at[1:][np.diff(at) > 0.1]
     np.testing.assert_allclose(gaps, [0.5, 1.8], atol=0.04)
     assert at.min() < 0.03
@@ -118,7 +118,7 @@ def test_captions_are_in_the_picture_in_their_time_only(puppet, tmp_path):
     plain = view.film(*puppet, tmp_path / "b.mp4", captions=[Caption(5, 6, long)], **options())
     changed = [
         np.sum(np.abs(a - b)[120:176] > 60.0)  # above the scale of tension
-        for a, b in zip(pictures(film), pictures(plain), strict=True)
+        for a, b in zip(frame_pixels(film), frame_pixels(plain), strict=True)
     ]
     assert list(np.flatnonzero(changed)) == [5, 6, 7, 8, 9, 12, 13, 14, 15]
     assert changed[13] > 3 * changed[7]
@@ -185,7 +185,7 @@ def test_captions_take_a_fifth_of_small_films_at_most(puppet, tmp_path, size):
     words = "Ladies and gentlemen, tonight we show you a tale of love and of strings, in two acts"
     captions = [Caption(1.0, 2.0, words, "pierrot"), Caption(1.0, 2.0, "Hush!", "columbine")]
     film = view.film(m, still, tmp_path / "a.mp4", captions=captions, fps=1, size=size)
-    without, with_captions = pictures(film)
+    without, with_captions = frame_pixels(film)
     changed = np.abs(with_captions - without).max(axis=(1, 2)) > 60.0
     rows = np.flatnonzero(changed[size[1] // 3 :]) + size[1] // 3  # below the clock
     assert 0.1 * size[1] < np.ptp(rows) <= 0.2 * size[1]

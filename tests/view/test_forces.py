@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 import fantoccini as fan
 from fantoccini.app.cli.app import app
 from fantoccini.output.view import film, strip
-from fantoccini.output.view.geometry import geometry_of
+from fantoccini.output.view.geometry import run_geometry
 
 pytestmark = [pytest.mark.medium, pytest.mark.own_puppets]
 
@@ -32,7 +32,7 @@ def block() -> tuple[fan.Marionette, fan.Trajectory]:
 def test_arrows_begin_at_the_points_and_carry_the_weight(block):
     """They are proportional to the forces; arrows of impacts are shortened."""
     marionette, run = block
-    geometry = geometry_of(marionette, run, forces=True)
+    geometry = run_geometry(marionette, run, forces=True)
     assert len(geometry.arrows) == len(run)
     assert len(geometry.arrows[0]) == 0
     last = geometry.arrows[-1]
@@ -42,7 +42,7 @@ def test_arrows_begin_at_the_points_and_carry_the_weight(block):
     lengths = np.linalg.norm(np.diff(np.concatenate(geometry.arrows), axis=1), axis=2)
     assert lengths.max() <= 0.3 * geometry.size + 1e-12
     assert np.mean(lengths < 0.1501 * geometry.size) >= 0.9
-    assert geometry_of(marionette, run).arrows == ()
+    assert run_geometry(marionette, run).arrows == ()
 
 
 def test_strips_and_films_draw_them(block, tmp_path):

@@ -16,13 +16,13 @@ def made():
     return arm, fan.simulate(arm, arm.rest(), t_end=0.2)
 
 
-def across(times):
+def hand_guide(times):
     """A line from the floor to the hand, one for each time."""
     ends = np.array([[-0.3, 0.0, 0.1], [0.3, 0.0, 0.9]])
     return [np.repeat(ends[None], len(times), axis=0)]
 
 
-def greens(path) -> int:
+def guide_pixels(path) -> int:
     """Pixels of the colour of guides."""
     red, green, blue = (255.0 * imread(path)[..., i] for i in range(3))
     return int(np.sum((green > red + 60.0) & (green > blue + 20.0)))
@@ -31,9 +31,9 @@ def greens(path) -> int:
 def test_guides_are_drawn(made, tmp_path):
     arm, run = made
     green = []
-    for name, guides in (("with", across), ("without", None)):
+    for name, guides in (("with", hand_guide), ("without", None)):
         path = view.strip(arm, run, tmp_path / f"{name}.png", n=2, times="even", guides=guides)
-        green.append(greens(path))
+        green.append(guide_pixels(path))
     assert green[0] > 500 > green[1]
 
 
@@ -41,10 +41,10 @@ def test_a_picture_frames_its_guides(made, tmp_path):
     arm, run = made
 
     def far(times):
-        return [line + np.array([4.0, 0.0, 0.0]) for line in across(times)]
+        return [line + np.array([4.0, 0.0, 0.0]) for line in hand_guide(times)]
 
     path = view.strip(arm, run, tmp_path / "far.png", n=1, times=[0.1], guides=far)
-    assert greens(path) > 50
+    assert guide_pixels(path) > 50
 
 
 @pytest.mark.parametrize(

@@ -151,7 +151,7 @@ def test_parts_of_a_result_are_consistent(identified):
 
 def test_plots_show_samples_gaps_and_outliers(identified):
     names = identified.record.channels.names
-    figures = list(identified_plots.channels(identified))
+    figures = list(identified_plots.channel_figures(identified))
     panels = [axes for figure, _ in figures for axes in figure.axes if axes.get_visible()]
     assert [name for _, part in figures for name in part] == list(names)
     circles = 0
@@ -208,7 +208,7 @@ def test_doubts_are_on_the_page(identified, tmp_path):
 
 def test_segments_that_do_not_count_are_shaded(identified):
     lost = replace(identified, rejected=tuple(identified.starts[[5, 9]].tolist()))
-    (figure, _), *_ = identified_plots.residuals(lost)
+    (figure, _), *_ = identified_plots.residual_figures(lost)
     red = [p for p in figure.axes[0].patches if p.get_facecolor()[0] > 0.6 and p.get_x() > 0]
     assert np.allclose([p.get_x() for p in red], identified.starts[[5, 9]] + identified["delay"])
     assert np.allclose([p.get_width() for p in red], 0.25)

@@ -14,7 +14,7 @@ from matplotlib.image import imread
 import fantoccini as fan
 from fantoccini.motion import Trajectory
 from fantoccini.output.view import notebook
-from view.still_life import bundled, swinging
+from view.still_life import bundled_still_life, swinging_motion
 
 pytestmark = pytest.mark.medium
 
@@ -76,7 +76,7 @@ def test_entries_beyond_a_table_are_counted():
 
 
 def test_a_run_is_shown_with_its_summary():
-    run = swinging(bundled("marionette"))
+    run = swinging_motion(bundled_still_life("marionette"))
     text = run._repr_html_()
     assert len(text) < MAX_DISPLAY_LENGTH
     page = Page(text)
@@ -86,11 +86,11 @@ def test_a_run_is_shown_with_its_summary():
 
 
 def test_a_run_of_an_unknown_puppet_is_plotted():
-    run = swinging(bundled("arm2d"))
+    run = swinging_motion(bundled_still_life("arm2d"))
     strip = Page(run._repr_html_()).images
     for unknown in (
         dataclasses.replace(run, puppet=None),
-        dataclasses.replace(run, puppet=bundled("crane").puppet),
+        dataclasses.replace(run, puppet=bundled_still_life("crane").puppet),
     ):
         page = Page(unknown._repr_html_())
         assert page.images[0]["alt"] == "the run against time"
@@ -99,7 +99,7 @@ def test_a_run_of_an_unknown_puppet_is_plotted():
 
 def test_poses_that_do_not_fit_the_file_are_not_drawn():
     """For example, a parameter had another value in the run."""
-    run = swinging(bundled("arm2d"))
+    run = swinging_motion(bundled_still_life("arm2d"))
     shorter = run.q_K - np.array([0.0, 0.2])
     page = Page(dataclasses.replace(run, q_K=shorter)._repr_html_())
     assert page.images[0]["alt"] == "the run against time"
@@ -116,7 +116,7 @@ def test_names_cannot_inject_markup():
     puppet = marionette.puppet.model_copy(update={"puppet": HOSTILE})
     for name, value in (("tree", tree), ("puppet", puppet), ("p", np.ones(len(values)))):
         object.__setattr__(marionette, name, value)
-    run = swinging(bundled("arm2d"))
+    run = swinging_motion(bundled_still_life("arm2d"))
     tension, taut = (dataclasses.replace(x, names=(HOSTILE,)) for x in (run.tension, run.taut))
     run = dataclasses.replace(
         run, method=HOSTILE, tension=tension, taut=taut, causes=(HOSTILE,), puppet=None
@@ -142,4 +142,4 @@ def test_a_picture_that_fails_leaves_the_tables(monkeypatch):
 def test_a_failing_display_is_none_and_not_an_error(monkeypatch):
     assert notebook.puppet_html(object()) is None
     monkeypatch.setattr(Trajectory, "summary", lambda self: {})
-    assert swinging(bundled("arm2d"))._repr_html_() is None
+    assert swinging_motion(bundled_still_life("arm2d"))._repr_html_() is None

@@ -16,20 +16,20 @@ from fantoccini.model.puppet import loads
 from fantoccini.motion.columns import Columns
 from fantoccini.output import view
 from fantoccini.output.view.camera import Viewport
-from fantoccini.output.view.compose import compose
-from fantoccini.output.view.drawing import PictureOptions, layout_of, one_line
+from fantoccini.output.view.compose import compose_polygons
+from fantoccini.output.view.drawing import PictureOptions, fit_layout, one_line
 from fantoccini.output.view.films import Frames
-from fantoccini.output.view.geometry import geometry_at, geometry_of
+from fantoccini.output.view.geometry import run_geometry, state_geometry
 from fantoccini.output.view.pictures import strip_figure
 from fantoccini.output.view.theme import DARK
-from view.still_life import StillLife, bundled, swinging
+from view.still_life import StillLife, bundled_still_life, swinging_motion
 
 pytestmark = [pytest.mark.medium, pytest.mark.own_puppets]
 
 HOSTILE = r"$\frac{_^ \input{x} <b>&amp; 100%"
 
 
-def busy(path):
+def edge_share(path):
     """Share of pixels that differ from their left neighbour."""
     pixels = imread(path)[..., :3]
     return np.mean(np.abs(np.diff(pixels, axis=1)).max(axis=2) > 0.02)
@@ -37,20 +37,20 @@ def busy(path):
 
 @pytest.mark.parametrize("name", ["arm2d", "crane", "marionette", "marionette_bar", "stand6"])
 def test_a_state_is_drawn(tmp_path, name):
-    m = bundled(name)
-    run = swinging(m)
+    m = bundled_still_life(name)
+    run = swinging_motion(m)
     target = view.draw(
         m, run.state(20), tmp_path / "a.png", run.tension.values[20], size=(300, 400), scale=1.0
     )
     assert imread(target).shape[:2] == (400, 300)
-    assert busy(target) > 0.005
+    assert edge_share(target) > 0.005
     assert [p.name for p in tmp_path.iterdir()] == ["a.png"]
 
 
 def test_a_strip_has_its_size(tmp_path, swung):
     target = view.strip(*swung, tmp_path / "a.png", n=4, size=(800, 400), scale=1.5)
     assert imread(target).shape[:2] == (600, 1200)
-    assert busy(target) > 0.01
+    assert edge_share(target) > 0.01
 
 
 @pytest.mark.parametrize("ending", ["svg", "pdf"])
@@ -94,7 +94,7 @@ def test_the_scale_of_a_strip_tells_of_a_short_peak(tmp_path, swung, monkeypatch
     values[17, 0], t[17] = 5.0 * values.max(), t[16] + 1e-7  # between the times of the scale
     t[18] = t[16] + 2e-7
     peaked = replace(run, t=t, tension=Columns(run.tension.names, values, "string"))
-    options = PictureOptions.of("auto", "all", "light", None)
+    options = PictureOptions.resolve("auto", "all", "light", None)
     texts = [x.get_text() for x in strip_figure(m, peaked, 3, "even", options).axes[0].texts]
     (end,) = [text for text in texts if text.endswith(" N")]
     assert end.startswith("\N{GREATER-THAN OR EQUAL TO} ")
@@ -110,8 +110,8 @@ def test_a_plot_shows_every_string(tmp_path, swung):
 
 
 def test_plots_without_driven_lengths(tmp_path):
-    m = bundled("marionette_bar")
-    view.plot(swinging(m), tmp_path / "a.svg")
+    m = bundled_still_life("marionette_bar")
+    view.plot(swinging_motion(m), tmp_path / "a.svg")
 
 
 BARE = (
@@ -123,14 +123,17 @@ BARE = (
 
 
 def test_missing_parts_of_a_puppet_are_not_plotted():
-    figure = view.plot(swinging(StillLife(loads(BARE))))
+    figure = view.plot(swinging_motion(StillLife(loads(BARE))))
     assert [axes.get_ylabel() for axes in figure.axes] == ["energy [J]"]
-    labels = [axes.get_ylabel() for axes in view.plot(swinging(bundled("string_pendulum"))).axes]
+    labels = [
+        axes.get_ylabel()
+        for axes in view.plot(swinging_motion(bundled_still_life("string_pendulum"))).axes
+    ]
     assert labels == ["tension [N]", "", "energy [J]"]
 
 
 def test_labels_of_small_numbers_stay_on_the_sheet():
-    run = swinging(bundled("arm2d"))
+    run = swinging_motion(bundled_still_life("arm2d"))
     run = dataclasses.replace(run, q_K=7.9e-4 + 1e-5 * run.q_K)
     figure = view.plot(run)
     figure.canvas.draw()
@@ -138,7 +141,7 @@ def test_labels_of_small_numbers_stay_on_the_sheet():
         assert axes.yaxis.label.get_window_extent().x0 > 0.0
 
 
-def dangling(factor):
+def dangling_rod(factor):
     """A rod on a string, scaled by this factor, beside a ball at rest."""
     ball = f"type: sphere, radius: {0.1 * factor}, at: [{0.4 * factor}, 0, 0]"
     return StillLife(
@@ -161,32 +164,34 @@ def test_size_does_not_matter(tmp_path, factor):
     """Pixels agree to rounding, except for the floor's lines, whose distances are round numbers."""
     pictures = []
     for each in (1.0, factor):
-        m = dangling(each)
+        m = dangling_rod(each)
         x = m.start()
         geometry, layout = still_layout(m, x)
-        pictures.append([p.outline for p in compose(geometry, 0, layout)])
+        pictures.append([p.outline for p in compose_polygons(geometry, 0, layout)])
         view.draw(m, x, tmp_path / "a.png", size=(200, 200), scale=1.0)
-        assert busy(tmp_path / "a.png") > 0.005
+        assert edge_share(tmp_path / "a.png") > 0.005
     assert len(pictures[0]) == len(pictures[1])
     for picture, other in zip(*pictures, strict=True):
         assert np.allclose(picture, other, atol=0.05)
 
 
 def still_layout(m, x):
-    geometry = geometry_at(m, x)
-    return geometry, layout_of(geometry, Viewport(0.0, 0.0, 300.0, 300.0), PictureOptions.of())
+    geometry = state_geometry(m, x)
+    return geometry, fit_layout(
+        geometry, Viewport(0.0, 0.0, 300.0, 300.0), PictureOptions.resolve()
+    )
 
 
 def test_the_tension_bars_texts_keep_apart():
     """This holds for any largest tension and for small films."""
-    m = bundled("marionette")
+    m = bundled_still_life("marionette")
     for size in ((320, 240), (160, 120), (960, 720)):
         for factor in (1e-5, 1.0, 1000.0, 1e6):
-            run = swinging(m)
+            run = swinging_motion(m)
             peak = np.where(np.arange(len(run)) == 20, 1.7, 1.0)[:, None]
             tension = dataclasses.replace(run.tension, values=run.tension.values * factor * peak)
-            geometry = geometry_of(m, dataclasses.replace(run, tension=tension))
-            texts = Frames(geometry, PictureOptions.of(theme=DARK, size=size)).sheet.axes.texts
+            geometry = run_geometry(m, dataclasses.replace(run, tension=tension))
+            texts = Frames(geometry, PictureOptions.resolve(theme=DARK, size=size)).sheet.axes.texts
             boxes = [text.get_window_extent() for text in texts if text.get_text()]
             assert all(b.x0 >= 0.0 and b.x1 <= size[0] for b in boxes)
             assert not any(a.overlaps(b) for a, b in itertools.combinations(boxes, 2))
@@ -205,7 +210,7 @@ def test_names_are_plain_text(tmp_path):
         )
     )
     m.tree = dataclasses.replace(m.tree, name=HOSTILE)
-    run = swinging(m)
+    run = swinging_motion(m)
     view.draw(m, run.state(0), tmp_path / "a.png", size=(200, 200))
     run = dataclasses.replace(run, puppet=SimpleNamespace(name=HOSTILE))
     assert view.plot(run, tmp_path / "b.png").texts[0].get_text() == HOSTILE
@@ -227,7 +232,7 @@ def test_bodies_without_shapes_and_springs_are_drawn(tmp_path):
         )
     )
     x = (
-        swinging(bundled("arm2d"))
+        swinging_motion(bundled_still_life("arm2d"))
         .state(0)
         .replace(
             q_D=np.zeros(1),
@@ -238,7 +243,7 @@ def test_bodies_without_shapes_and_springs_are_drawn(tmp_path):
         )
     )
     target = view.draw(m, x, tmp_path / "a.png", size=(300, 300), scale=1.0)
-    assert busy(target) > 0.005
+    assert edge_share(target) > 0.005
 
 
 def test_unwritable_pictures_are_an_error(tmp_path, swung):

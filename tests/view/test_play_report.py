@@ -10,9 +10,9 @@ from tests.plays.tiny import OPTIONAL_TOUCHING_CUES, TOUCHING_CUES, write_play
 
 import fantoccini as fan
 from fantoccini.output import reports
-from fantoccini.output.reports.stage_plan import plan
-from fantoccini.output.reports.timeline import shortened, timeline
-from fantoccini.output.view.stills import Stills
+from fantoccini.output.reports.stage_plan import draw_stage_plan
+from fantoccini.output.reports.timeline import draw_timeline, shorten
+from fantoccini.output.view.stills import ActStills
 from fantoccini.theatre.plays import clearances, make_stage_plan
 
 pytestmark = pytest.mark.medium
@@ -170,11 +170,11 @@ def texts_within(figure) -> list[str]:
 def test_the_drawings_name_everything_and_cut_nothing(verification):
     play = verification.play
     assert {"one", "two", "here", "there", "block"} <= set(
-        texts_within(plan(play, verification.space))
+        texts_within(draw_stage_plan(play, verification.space))
     )
-    words = texts_within(timeline(play))
+    words = texts_within(draw_timeline(play))
     assert {"First <act>", "one", "two", "captions", "1 hop.yaml", "one: <Hop> & hop"} <= set(words)
-    stills = texts_within(Stills(play, verification.run).of_act("First <act>"))
+    stills = texts_within(ActStills(play, verification.run).of_act("First <act>"))
     assert [stills.count(name) for name in ("one", "two")] == [8, 8]
 
 
@@ -187,10 +187,10 @@ def test_the_plan_view_shows_all_things_on_the_stage(verification):
 
 
 def test_labels_are_shortened_to_fit():
-    assert shortened("12 walks to the door", 200.0) == "12 walks to the door"
-    assert shortened("12 walks to the door", 60.0).startswith("12 walk")
-    assert shortened("12 walks to the door", 15.0) == "12"
-    assert shortened("12 walks to the door", 5.0) == ""
+    assert shorten("12 walks to the door", 200.0) == "12 walks to the door"
+    assert shorten("12 walks to the door", 60.0).startswith("12 walk")
+    assert shorten("12 walks to the door", 15.0) == "12"
+    assert shorten("12 walks to the door", 5.0) == ""
 
 
 def test_paths_of_other_files_are_refused(verification, tmp_path):

@@ -9,7 +9,7 @@ import pytest
 from fantoccini.model.puppet import loads
 from fantoccini.output import view
 from fantoccini.output.view.theme import DARK, LIGHT, rgb
-from view.still_life import StillLife, bundled, swinging
+from view.still_life import StillLife, bundled_still_life, swinging_motion
 
 BALL = """\
 puppet: ball
@@ -84,8 +84,8 @@ def test_more_lines_have_dashes():
 
 def test_a_bar_that_turns_is_in_the_plot():
     """Regression: plots left out bar.rotation."""
-    m = bundled("marionette_bar")
-    run = swinging(m)
+    m = bundled_still_life("marionette_bar")
+    run = swinging_motion(m)
     q_K = np.array(run.q_K)
     (q, _), angle = run.coordinates.quaternions_K[0], 0.5 * run.t
     q_K[:, q : q + 4] = np.column_stack([np.cos(angle), 0 * angle, np.sin(angle), 0 * angle])
@@ -100,7 +100,7 @@ def test_a_bar_that_turns_is_in_the_plot():
 def test_a_control_that_moves_is_in_the_plot_beside_lengths():
     """Plots left out the place of a control whose strings are wound."""
     m = StillLife(loads(BALL.replace("strings:", CROSS)))
-    run = swinging(m)
+    run = swinging_motion(m)
     q_K = np.array(run.q_K)
     names = list(run.coordinates.q_K)
     q_K[:, names.index("cross.x")] = 0.2 * run.t
@@ -123,10 +123,12 @@ def many_strings(n: int) -> StillLife:
     return StillLife(loads(BALL + rows))
 
 
-@pytest.mark.parametrize("m", [bundled("marionette_bar"), many_strings(1), many_strings(21)])
+@pytest.mark.parametrize(
+    "m", [bundled_still_life("marionette_bar"), many_strings(1), many_strings(21)]
+)
 def test_legends_are_inside_the_figure(m, tmp_path):
     """Regression: the legend of 21 inputs was cut off at the right."""
-    figure = view.plot(swinging(m), tmp_path / "plot.png", scale=1.0)
+    figure = view.plot(swinging_motion(m), tmp_path / "plot.png", scale=1.0)
     boxes = [axes.get_legend() for axes in figure.axes if axes.get_legend() is not None]
     assert boxes
     for axes in figure.axes:

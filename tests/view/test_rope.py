@@ -16,7 +16,7 @@ def test_catenary_has_its_length_and_ends(seed):
     start, end = rng.normal(size=(2, 3))
     span = np.linalg.norm(end - start)
     length = span * (1.0 + 10.0 ** rng.uniform(-8.0, 1.5))
-    points = rope.hanging(start, end, length, 4000)
+    points = rope.hanging_curve(start, end, length, 4000)
     assert length_of(points) == pytest.approx(length, rel=1e-6)
     assert points[0] == pytest.approx(start, abs=1e-12)
     assert points[-1] == pytest.approx(end, abs=1e-12)
@@ -25,7 +25,7 @@ def test_catenary_has_its_length_and_ends(seed):
 
 def test_catenary_satisfies_its_equation():
     """z'' = sqrt(1 + z'^2) / a: slope grows in proportion to arc length."""
-    points = rope.hanging((0.0, 0.0, 0.0), (1.0, 0.0, 0.4), 1.7, 3001)
+    points = rope.hanging_curve((0.0, 0.0, 0.0), (1.0, 0.0, 0.4), 1.7, 3001)
     steps = np.diff(points, axis=0)
     s = np.cumsum(np.linalg.norm(steps, axis=1))
     keep = np.abs(steps[:, 0]) > 1e-6
@@ -51,7 +51,7 @@ def test_catenary_satisfies_its_equation():
     ],
 )
 def test_degenerate_strings_stay_finite(end, length):
-    points = rope.hanging((0.0, 0.0, 0.0), end, length, 3000)
+    points = rope.hanging_curve((0.0, 0.0, 0.0), end, length, 3000)
     assert np.isfinite(points).all()
     assert points[-1] == pytest.approx(end, abs=1e-12)
     wanted = max(np.linalg.norm(end), length) if np.isfinite(length) else np.linalg.norm(end)
@@ -60,12 +60,12 @@ def test_degenerate_strings_stay_finite(end, length):
 
 def test_fold_hangs_where_it_should():
     """Ends one above the other: the fold's lowest point splits the length."""
-    points = rope.hanging((0.0, 0.0, 1.0), (0.0, 0.0, 0.0), 1.5, 200)
+    points = rope.hanging_curve((0.0, 0.0, 1.0), (0.0, 0.0, 0.0), 1.5, 200)
     assert points[:, 2].min() == pytest.approx(-0.25, abs=1e-8)
 
 
 def test_a_path_shares_its_slack_among_segments():
     corners = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 2.0, 0.5]])
-    points = rope.path(corners, 4.0, 3000)
+    points = rope.slack_curve(corners, 4.0, 3000)
     assert length_of(points) == pytest.approx(4.0, rel=1e-6)
     assert np.min(np.linalg.norm(points - corners[1], axis=1)) == 0.0

@@ -9,23 +9,23 @@ import pytest
 
 from fantoccini.output.view.drawing import PictureOptions
 from fantoccini.output.view.films import Frames
-from fantoccini.output.view.geometry import geometry_of
+from fantoccini.output.view.geometry import run_geometry
 from fantoccini.theatre.plays import Shot
-from view.still_life import bundled, swinging, walking
+from view.still_life import bundled_still_life, swinging_motion, walking_motion
 
 pytestmark = [pytest.mark.medium, pytest.mark.own_puppets]
 
 SIZE = (320, 240)
-OPTIONS = PictureOptions.of(view=(0.0, 10.0), size=SIZE, look="stage")
+OPTIONS = PictureOptions.resolve(view=(0.0, 10.0), size=SIZE, look="stage")
 ARM = ("upper_arm_left", "forearm_left")
 
 
 @pytest.fixture(scope="module", name="geometry")
 def _geometry(swung):
-    return geometry_of(*swung)
+    return run_geometry(*swung)
 
 
-def spread(geometry, frames: Frames, k: int, names: tuple[str, ...]) -> np.ndarray:
+def bounding_box(geometry, frames: Frames, k: int, names: tuple[str, ...]) -> np.ndarray:
     """(2, 2) lower left and upper right corner of bodies in frame k, by their solids [px]."""
     viewport, camera = frames.layout.viewport, frames.cameras[k]
     links = [i for i, link in enumerate(geometry.tree.links) if link.name in names]
@@ -34,7 +34,7 @@ def spread(geometry, frames: Frames, k: int, names: tuple[str, ...]) -> np.ndarr
         if solid.link in links:
             pose = geometry.poses[k, solid.link]
             seen = camera.project(solid.axis @ pose[:, :3].T + pose[:, 3], viewport)
-            radius = solid.girth * camera.scale(seen[:, 2], viewport)
+            radius = solid.half_thickness * camera.scale(seen[:, 2], viewport)
             corners += [seen[:, :2] - radius[:, None], seen[:, :2] + radius[:, None]]
     points = np.concatenate(corners)
     return np.array([points.min(axis=0), points.max(axis=0)])
@@ -72,7 +72,7 @@ def test_a_body_fills_the_picture_at_zoom_1(geometry):
     viewport = frames.layout.viewport
     low, high = [], []
     for k in range(len(geometry.t)):
-        lower, upper = spread(geometry, frames, k, ARM)
+        lower, upper = bounding_box(geometry, frames, k, ARM)
         low.append(lower), high.append(upper)
     low, high = np.min(low, axis=0), np.max(high, axis=0)
     assert low[0] >= viewport.x and high[0] <= viewport.x + viewport.width
@@ -86,7 +86,7 @@ def test_zoom_is_the_size_in_the_picture(geometry, zoom):
     sizes = []
     for factor in (1.0, zoom):
         frames = Frames(geometry, OPTIONS, shots=(Shot(0.0, bodies=ARM, zoom=factor),))
-        corners = spread(geometry, frames, 10, ARM)
+        corners = bounding_box(geometry, frames, 10, ARM)
         sizes.append(corners[1, 1] - corners[0, 1])
     assert sizes[1] / sizes[0] == pytest.approx(zoom, rel=0.12)
 
@@ -102,7 +102,7 @@ def test_a_shot_is_taken_from_its_side(geometry, azimuth):
 
 def test_a_move_is_smooth_and_ends_in_the_shot_of_a_cut(swung):
     m, _ = swung
-    geometry = geometry_of(m, swinging(m, 4.0, 401))
+    geometry = run_geometry(m, swinging_motion(m, 4.0, 401))
     move = Frames(geometry, OPTIONS, shots=(Shot(1.0, 2.0, ARM, azimuth=1.0),)).cameras
     cut = Frames(geometry, OPTIONS, shots=(Shot(1.0, 0.0, ARM, azimuth=1.0),)).cameras
     t = geometry.t
@@ -125,12 +125,12 @@ def test_the_whole_stage_again_is_the_first_picture(geometry):
 
 
 def test_a_shot_follows_a_walking_player():
-    m = bundled("marionette_bar")
-    geometry = geometry_of(m, walking(m, 2.0))
+    m = bundled_still_life("marionette_bar")
+    geometry = run_geometry(m, walking_motion(m, 2.0))
     frames = Frames(geometry, OPTIONS, shots=(Shot(0.0, bodies=("torso",), zoom=0.4),))
     viewport = frames.layout.viewport
     for k in (0, 20, 40):
-        low, high = spread(geometry, frames, k, ("torso",))
+        low, high = bounding_box(geometry, frames, k, ("torso",))
         middle = 0.5 * (low + high)
         assert abs(middle[0] - viewport.centre[0]) < 0.1 * viewport.width
         assert abs(middle[1] - viewport.centre[1]) < 0.15 * viewport.height
@@ -147,7 +147,7 @@ def test_a_place_is_in_the_middle_of_the_picture(geometry):
 @pytest.mark.parametrize("look", ["stage", "diagram"])
 def test_frames_of_a_moving_camera_repeat_exactly(geometry, look):
     """Backgrounds are kept between frames of one camera."""
-    options = PictureOptions.of(view=(0.0, 10.0), size=SIZE, look=look)
+    options = PictureOptions.resolve(view=(0.0, 10.0), size=SIZE, look=look)
     frames = Frames(geometry, options, shots=(Shot(0.5, 0.2, bodies=ARM),))
     order = (0, 1, 25, 40, 39, 0)
     pictures = [np.array(frames.draw(k)) for k in order]

@@ -8,11 +8,11 @@ from matplotlib.image import imread
 
 from fantoccini.output import view
 from fantoccini.output.view.camera import Viewport
-from fantoccini.output.view.compose import lines
-from fantoccini.output.view.drawing import PictureOptions, layout_of
+from fantoccini.output.view.compose import string_lines
+from fantoccini.output.view.drawing import PictureOptions, fit_layout
 from fantoccini.output.view.films import Frames
-from fantoccini.output.view.geometry import geometry_of
-from fantoccini.output.view.stage_set import STAGE, StageSet
+from fantoccini.output.view.geometry import run_geometry
+from fantoccini.output.view.stage_set import STAGE_THEME, StageSet
 from fantoccini.theatre.gestures import Caption
 
 pytestmark = [pytest.mark.medium, pytest.mark.own_puppets]
@@ -37,7 +37,7 @@ def test_a_stage_has_no_writing(tmp_path, swung):
 
 def test_a_film_on_a_stage_has_no_writing_but_requested_captions(swung):
     m, run = swung
-    geometry, options = geometry_of(m, run), PictureOptions.of(size=SIZE, look="stage")
+    geometry, options = run_geometry(m, run), PictureOptions.resolve(size=SIZE, look="stage")
     assert not Frames(geometry, options).sheet.axes.texts
     words = (Caption(0.0, 2.0, "Good evening!", "pierrot"),)
     frames = Frames(geometry, options, captions=words)
@@ -47,13 +47,14 @@ def test_a_film_on_a_stage_has_no_writing_but_requested_captions(swung):
 
 def test_strings_on_a_stage_are_thin_and_of_one_colour(swung):
     m, run = swung
-    geometry, panel = geometry_of(m, run), Viewport(0.0, 0.0, 300.0, 300.0)
+    geometry, panel = run_geometry(m, run), Viewport(0.0, 0.0, 300.0, 300.0)
     stage, diagram = (
-        layout_of(geometry, panel, PictureOptions.of(look=look)) for look in ("stage", "diagram")
+        fit_layout(geometry, panel, PictureOptions.resolve(look=look))
+        for look in ("stage", "diagram")
     )
-    drawn = lines(geometry, 20, stage)
-    assert {tuple(line.colour) for line in drawn} == {tuple(STAGE.thread)}
-    coloured = lines(geometry, 20, diagram)
+    drawn = string_lines(geometry, 20, stage)
+    assert {tuple(line.colour) for line in drawn} == {tuple(STAGE_THEME.thread)}
+    coloured = string_lines(geometry, 20, diagram)
     assert len({tuple(line.colour) for line in coloured}) > 2
     assert max(line.width for line in drawn) < 0.6 * min(line.width for line in coloured)
     assert stage.handles == () and diagram.handles
@@ -81,9 +82,9 @@ def test_light_falls_on_the_middle_of_the_stage(tmp_path, swung):
 
 def test_the_floor_of_the_set_lies_where_the_camera_sees_it(swung):
     m, run = swung
-    geometry = geometry_of(m, run)
+    geometry = run_geometry(m, run)
     frame = Viewport(0.0, 0.0, 320.0, 240.0)
-    layout = layout_of(geometry, frame, PictureOptions.of(view=(0.0, 10.0), look="stage"))
+    layout = fit_layout(geometry, frame, PictureOptions.resolve(view=(0.0, 10.0), look="stage"))
     stage, camera = layout.stage, layout.camera
     assert isinstance(stage, StageSet)
     under = np.append(stage.middle, stage.floor)
@@ -100,10 +101,10 @@ def test_the_floor_of_the_set_lies_where_the_camera_sees_it(swung):
 @pytest.mark.parametrize("azimuth", [0.0, 90.0, 180.0, -135.0])
 def test_the_curtain_is_behind_the_puppets_from_every_side(swung, azimuth):
     m, run = swung
-    geometry, frame = geometry_of(m, run), Viewport(0.0, 0.0, 240.0, 240.0)
-    options = PictureOptions.of(view=(azimuth, 10.0), look="stage")
-    camera = layout_of(geometry, frame, options).camera
-    stage = layout_of(geometry, frame, PictureOptions.of(look="stage")).stage
+    geometry, frame = run_geometry(m, run), Viewport(0.0, 0.0, 240.0, 240.0)
+    options = PictureOptions.resolve(view=(azimuth, 10.0), look="stage")
+    camera = fit_layout(geometry, frame, options).camera
+    stage = fit_layout(geometry, frame, PictureOptions.resolve(look="stage")).stage
     rays = camera.rays(np.array([[120.0, y] for y in (10.0, 120.0, 230.0)]), frame)
     depth = stage.curtain_depth(camera.eye, rays)
     farthest = camera.to_camera(geometry.balls(strings=False)[0])[:, 2].max()

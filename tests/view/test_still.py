@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.output.view.geometry import geometry_at
-from fantoccini.output.view.still import Still
+from fantoccini.output.view.geometry import state_geometry
+from fantoccini.output.view.still import UncompiledPuppet
 
 PUPPETS = ("arm2d", "arm3d", "crane", "marionette", "marionette_bar", "string_pendulum")
 
@@ -26,10 +26,10 @@ strings:
 
 
 def still(marionette):
-    return Still(marionette.puppet, marionette.tree, marionette.number)
+    return UncompiledPuppet(marionette.puppet, marionette.tree, marionette.number)
 
 
-def moved(marionette, seed):
+def moved_configurations(marionette, seed):
     """Configurations (4, n_qD), (4, n_qK) about the file's pose."""
     rng, table = np.random.default_rng(seed), marionette.coordinates
     q_D = table.start_D + rng.normal(0.0, 0.4, (4, table.n_qD))
@@ -43,7 +43,7 @@ def moved(marionette, seed):
 @pytest.mark.parametrize("name", PUPPETS)
 def test_poses_points_and_lengths_are_those_of_the_compiled_model(name):
     compiled = getattr(fan.puppets, name)()
-    plain, q = still(compiled), moved(compiled, 3)
+    plain, q = still(compiled), moved_configurations(compiled, 3)
     assert np.allclose(plain.poses(*q), compiled.poses(*q), atol=1e-12)
     for ours, theirs in zip(
         plain.string_points(*q).values(), compiled.string_points(*q).values(), strict=True
@@ -62,7 +62,7 @@ def test_strings_without_a_length_just_reach_in_the_start_pose():
 def test_pictures_take_the_present_values_of_parameters():
     longer = fan.loads(LONGER).with_parameters({"reach": -2.0})
     plain = still(longer)
-    geometry = geometry_at(plain, plain.start())
+    geometry = state_geometry(plain, plain.start())
     assert geometry.poses[0, 1, 2, 3] == pytest.approx(-2.0)
     solids = [s for s in geometry.solids if s.link == 0 and len(np.unique(s.points)) > 1]
     reaches = [s.points[1, 2] for s in solids]
@@ -78,5 +78,5 @@ def test_commands_of_drives_are_where_their_coordinates_are():
     drives: [{on: s.length, mass: 1.5, control: {type: pd, stiffness: 9, damping: 1}}]
     """
     puppet = fan.loads(textwrap.dedent(text))
-    start = Still(puppet.puppet, puppet.tree).start()
+    start = UncompiledPuppet(puppet.puppet, puppet.tree).start()
     assert start.q_K == pytest.approx([0.8]) and start.q_D == pytest.approx([0.2, 0.8])

@@ -13,10 +13,10 @@ from matplotlib.image import imread
 from fantoccini.base.errors import MissingLibraryError
 from fantoccini.output import view
 from fantoccini.output.view.camera import Viewport
-from fantoccini.output.view.drawing import PictureOptions, layout_of
-from fantoccini.output.view.geometry import geometry_of
+from fantoccini.output.view.drawing import PictureOptions, fit_layout
+from fantoccini.output.view.geometry import run_geometry
 from fantoccini.output.view.studio import Studio
-from view.still_life import bundled, swinging
+from view.still_life import bundled_still_life, swinging_motion
 
 SIZE = (300, 400)
 
@@ -46,11 +46,11 @@ def test_an_unknown_renderer_is_refused(tmp_path, swung):
 
 def test_links_are_photographed_where_the_camera_projects_them(installed, swung):
     """The window is the sheet, and the viewport an off-centre part of it."""
-    geometry = geometry_of(*swung)
+    geometry = run_geometry(*swung)
     viewport = Viewport(20.0, 70.0, 240.0, 300.0)
-    layout = layout_of(geometry, viewport, PictureOptions.of())
+    layout = fit_layout(geometry, viewport, PictureOptions.resolve())
     studio = Studio(geometry, layout, SIZE)
-    shots = [studio.photograph(k) for k in (0, 20)]
+    shots = [studio.render(k) for k in (0, 20)]
     studio.close()
     assert shots[0].shape == (*SIZE[::-1], 4)
     assert np.any(shots[0] != shots[1])
@@ -89,8 +89,8 @@ def test_a_picture_and_a_film(installed, tmp_path, swung):
 
 @pytest.mark.parametrize("name", ["string_pendulum", "crane", "marionette_bar"])
 def test_other_puppets_are_photographed(installed, tmp_path, name):
-    m = bundled(name)
-    run = swinging(m)
+    m = bundled_still_life(name)
+    run = swinging_motion(m)
     target = view.draw(
         m, run.state(5), tmp_path / "a.png", size=SIZE, scale=1.0, theme="dark", renderer="pyvista"
     )

@@ -2,7 +2,11 @@
 
 from . import animation as animation, exchange as exchange, reports as reports, view as view
 from .animation import export as export
-from .exchange import Imported as Imported, ImportNote as ImportNote, import_model as import_model
+from .exchange import (
+    ImportedPuppet as ImportedPuppet,
+    ImportNote as ImportNote,
+    import_model as import_model,
+)
 from .reports import (
     identified_report as identified_report,
     play_report as play_report,

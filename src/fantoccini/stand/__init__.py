@@ -13,12 +13,12 @@ from fantoccini.stand.gcode_text import (
     slow_feed,
 )
 from fantoccini.stand.limits import QUANTITIES, Limit
-from fantoccini.stand.packets import packets_of
-from fantoccini.stand.point_files import ENDINGS, joint_trajectory, save_points
-from fantoccini.stand.points import SetPoints, controlled, set_points
+from fantoccini.stand.packets import packet_encoder
+from fantoccini.stand.point_files import SET_POINT_SUFFIXES, joint_trajectory, save_points
+from fantoccini.stand.points import SetPoints, set_points, with_controller
 from fantoccini.stand.receiving import Receiver
-from fantoccini.stand.resuming import first_lost, resumed, resumed_points
-from fantoccini.stand.sending import Sending, check_first, send_points, udp_sender
+from fantoccini.stand.resuming import first_lost_line, resume_lines, resume_points
+from fantoccini.stand.sending import SendCounts, check_start_time, send_points, udp_sender
 from fantoccini.stand.stand_file import (
     Stand,
     is_stand,
@@ -30,18 +30,18 @@ from fantoccini.stand.stand_file import (
 from fantoccini.stand.streaming import (
     STOPPED,
     Channel,
-    Streamed,
-    lines_of,
+    StreamCounts,
+    gcode_lines,
     serial_port,
     stream,
     stream_together,
 )
-from fantoccini.stand.suggestions import lost_lines, remedies
+from fantoccini.stand.suggestions import lost_step_lines, remedies
 from fantoccini.stand.tempo import SlowedRun, find_slower_tempo, inputs_of, slow_down
 
 __all__ = [
-    "ENDINGS",
     "QUANTITIES",
+    "SET_POINT_SUFFIXES",
     "STOPPED",
     "ArtNet",
     "Axis",
@@ -57,33 +57,32 @@ __all__ = [
     "Osc",
     "Program",
     "Receiver",
-    "Sending",
+    "SendCounts",
     "SetPoints",
     "SlowedRun",
     "Stand",
     "StandCheck",
-    "Streamed",
+    "StreamCounts",
     "axes_of",
-    "check_first",
     "check_stand",
-    "controlled",
+    "check_start_time",
     "find_slower_tempo",
-    "first_lost",
+    "first_lost_line",
     "gcode",
+    "gcode_lines",
     "gcode_program",
     "grbl_settings",
     "inputs_of",
     "is_stand",
     "joint_trajectory",
-    "lines_of",
     "load_stand",
     "loads_stand",
-    "lost_lines",
-    "packets_of",
+    "lost_step_lines",
+    "packet_encoder",
     "positions_together",
     "remedies",
-    "resumed",
-    "resumed_points",
+    "resume_lines",
+    "resume_points",
     "save_points",
     "send_points",
     "serial_port",
@@ -96,4 +95,5 @@ __all__ = [
     "stream",
     "stream_together",
     "udp_sender",
+    "with_controller",
 ]

@@ -20,13 +20,13 @@ import numpy as np
 from fantoccini.base import Array, ShortRepr, Times, interpolate, nearest
 from fantoccini.model.tree import CoordinateTable
 from fantoccini.motion import Input, Trajectory
-from fantoccini.stand.axis_rank import factors, listed
+from fantoccini.stand.axis_rank import factor_matrix, joined_names
 from fantoccini.stand.motors import Motor, Shaft, Transmission
 from fantoccini.stand.stand_file import AxisFile, Stand
 
 MAX_RESIDUAL = 1e-4
 """Largest residual q_K - zero - J p of a motion that the stand can do [m or rad]."""
-_PIECE = 50_000
+_CHUNK_SIZE = 50_000
 """Number of times at which axes are interpolated together."""
 MAX_HELD_CHANGE = 1e-6
 """Largest change of a coordinate that counts as held [m or rad]."""
@@ -112,12 +112,12 @@ class AxisMotion(ShortRepr):
     def __len__(self) -> int:
         return len(self.t)
 
-    def of(self, name: str) -> Series:
+    def series_of_axis(self, name: str) -> Series:
         """(T,) position, velocity and acceleration of an axis."""
         k = [axis.name for axis in self.axes].index(name)
         return self.position[:, k], self.velocity[:, k], self.acceleration[:, k]
 
-    def between(self, k: int, times: Times) -> Series:
+    def interpolated_axis(self, k: int, times: Times) -> Series:
         """(m,) position, velocity and acceleration of axis ``k`` at times, interpolated.
 
         At the time of an impact they are those after it.
@@ -129,16 +129,16 @@ class AxisMotion(ShortRepr):
         )
         series = np.empty((3, len(times)))
         # In pieces: the interpolation takes ten times the memory of its result.
-        for first in range(0, len(times), _PIECE):
-            piece = slice(first, first + _PIECE)
-            left, right, s = interpolate.bracket(self.t, times[piece], "right")
+        for begin in range(0, len(times), _CHUNK_SIZE):
+            chunk = slice(begin, begin + _CHUNK_SIZE)
+            left, right, s = interpolate.bracket(self.t, times[chunk], "right")
             values = interpolate.motion(self.t, samples, ((0, 0),), (), left, right, s)
-            series[:, piece] = [value[:, 0] for value in values]
+            series[:, chunk] = [value[:, 0] for value in values]
         return series[0], series[1], series[2]
 
     def of_axes(self, axes: tuple[Axis, ...]) -> AxisMotion:
         """The motion of some of the axes, in their order."""
-        series = zip(*(self.of(axis.name) for axis in axes), strict=True)
+        series = zip(*(self.series_of_axis(axis.name) for axis in axes), strict=True)
         position, velocity, acceleration = (np.stack(columns, axis=1) for columns in series)
         return AxisMotion(axes, self.t, position, velocity, acceleration)
 
@@ -169,25 +169,25 @@ class AxisMap(ShortRepr):
     zero: Array
 
     @classmethod
-    def of(cls, stand: Stand, table: CoordinateTable) -> AxisMap:
+    def from_stand(cls, stand: Stand, coordinates: CoordinateTable) -> AxisMap:
         """Binds a stand to the driven coordinates of a puppet.
 
         Raises:
             FileError: a coordinate is not driven, or the coordinates do not determine the axes.
         """
-        indices = {table.v_K[v]: (q, v) for q, v in table.scalars_K}
+        indices = {coordinates.v_K[v]: (q, v) for q, v in coordinates.scalars_K}
         mistakes: list[tuple[tuple[str | int, ...], str]] = []
         for axis, file in stand.axes.items():
             for name in file.moves:
                 if name not in indices:
-                    text = _not_driven(name, table, indices)
+                    text = _not_driven(name, coordinates, indices)
                     mistakes.append((("axes", axis, "moves", name), text))
         for i, name in enumerate(stand.elsewhere):
-            if name not in table.q_K:
-                mistakes.append((("elsewhere", i), _not_driven(name, table, indices)))
+            if name not in coordinates.q_K:
+                mistakes.append((("elsewhere", i), _not_driven(name, coordinates, indices)))
         stand.refuse(mistakes)
-        names, J = factors({name: axis.moves for name, axis in stand.axes.items()})
-        held = [name for name in table.q_K if name not in {*names, *stand.elsewhere}]
+        names, J = factor_matrix({name: axis.moves for name, axis in stand.axes.items()})
+        held = [name for name in coordinates.q_K if name not in {*names, *stand.elsewhere}]
         return cls(
             stand,
             axes_of(stand),
@@ -195,7 +195,7 @@ class AxisMap(ShortRepr):
             tuple(held),
             np.array([indices[n][0] for n in names], dtype=np.intp),
             np.array([indices[n][1] for n in names], dtype=np.intp),
-            np.array([table.q_K.index(n) for n in held], dtype=np.intp),
+            np.array([coordinates.q_K.index(n) for n in held], dtype=np.intp),
             J,
             np.array([stand.zero.get(name, 0.0) for name in names]),
         )
@@ -223,10 +223,10 @@ class AxisMap(ShortRepr):
             if times is None:
                 raise ValueError("an input has no samples; needed: times")
             return self.motion(times, *source.evaluate(times))
-        sampled = self.motion(source.t, source.q_K, source.v_K, source.acc_K)
+        sampled_motion = self.motion(source.t, source.q_K, source.v_K, source.acc_K)
         if times is None:
-            return sampled
-        columns = [sampled.between(k, times) for k in range(len(self.axes))]
+            return sampled_motion
+        columns = [sampled_motion.interpolated_axis(k, times) for k in range(len(self.axes))]
         p, v, acc = (np.stack(series, axis=1) for series in zip(*columns, strict=True))
         return AxisMotion(self.axes, times, p, v, acc)
 
@@ -254,9 +254,10 @@ class AxisMap(ShortRepr):
         for name, index in zip(self.held, self.held_q, strict=True):
             change = np.abs(q_K[:, index] - q_K[0, index])
             if np.max(change) > MAX_HELD_CHANGE:
-                first = t[np.argmax(change > MAX_HELD_CHANGE)]
+                first_time = t[np.argmax(change > MAX_HELD_CHANGE)]
                 text = (
-                    f"no axis moves {name}, but the motion moves it from t = {first:.4g} s on, by "
+                    f"no axis moves {name}, but the motion moves it from t = {first_time:.4g} s "
+                    "on, by "
                     f"up to {np.max(change):.4g}; hold it still, let an axis move it, or list it "
                     "under `elsewhere` if another stand or a hand moves it"
                 )
@@ -271,7 +272,8 @@ class AxisMap(ShortRepr):
         sample, k = np.unravel_index(np.argmax(residual), residual.shape)
         axes = [axis.name for axis, factor in zip(self.axes, self.J[k], strict=True) if factor]
         text = (
-            f"{listed(axes)} cannot move {self.names[k]} independently of their other coordinates; "
+            f"{joined_names(axes)} cannot move {self.names[k]} independently of their other "
+            "coordinates; "
             f"at t = {t[sample]:.4g} s the motion needs {residual[sample, k]:.4g} more of it; "
             "check `zero`, or give it an axis of its own"
         )
@@ -292,19 +294,21 @@ def with_axis(axis: Axis, **changes: object) -> Axis:
     return dataclasses.replace(axis, file=axis.file.model_copy(update=changes))
 
 
-def _not_driven(name: str, table: CoordinateTable, indices: dict[str, tuple[int, int]]) -> str:
+def _not_driven(
+    name: str, coordinates: CoordinateTable, indices: dict[str, tuple[int, int]]
+) -> str:
     """Reason why an axis cannot move a coordinate."""
-    is_winch = name in table.q_D and name.endswith(".length")
-    if is_winch or name in table.commands or name in table.commands.values():
+    is_winch = name in coordinates.q_D and name.endswith(".length")
+    if is_winch or name in coordinates.commands or name in coordinates.commands.values():
         return (
             f"{name} has a drive of its own in the puppet's file; a stand moves coordinates that "
             "follow their inputs exactly: remove the drive"
         )
-    if name in table.q_D:
+    if name in coordinates.q_D:
         return f"{name} moves by forces, not by inputs; a stand moves driven coordinates"
     owner = name.split(".")[0]
-    if any(rotation.startswith(f"{owner}.") for rotation in table.rotations) and (
-        name in table.q_K or name in table.v_K or name in table.rotations
+    if any(rotation.startswith(f"{owner}.") for rotation in coordinates.rotations) and (
+        name in coordinates.q_K or name in coordinates.v_K or name in coordinates.rotations
     ):
         return f"{name} is part of an orientation, which no axis moves; hold it still"
     return f"{name} is not a driven coordinate{nearest(name, indices)}"

@@ -14,7 +14,7 @@ MIN_SHARE = 1e-6
 """Smallest component of an axis in a combination for which the error names it."""
 
 
-def factors(moves: Mapping[str, Mapping[str, float]]) -> tuple[tuple[str, ...], Array]:
+def factor_matrix(moves: Mapping[str, Mapping[str, float]]) -> tuple[tuple[str, ...], Array]:
     """Names of all coordinates that axes move, and J (m, n), from axis -> coordinate -> factor."""
     names = tuple(
         dict.fromkeys(name for factors_of_axis in moves.values() for name in factors_of_axis)
@@ -24,9 +24,9 @@ def factors(moves: Mapping[str, Mapping[str, float]]) -> tuple[tuple[str, ...], 
     )
 
 
-def undetermined(moves: Mapping[str, Mapping[str, float]]) -> tuple[str, str] | None:
+def undetermined_axis(moves: Mapping[str, Mapping[str, float]]) -> tuple[str, str] | None:
     """An axis that the coordinates do not determine, and the reason; None if they determine all."""
-    names, J = factors(moves)
+    names, J = factor_matrix(moves)
     axes, norms = list(moves), np.linalg.norm(J, axis=0)
     _, singular_values, rows = np.linalg.svd(J / norms)
     rank = int(np.sum(singular_values > RANK_TOLERANCE * singular_values[0]))
@@ -42,13 +42,14 @@ def undetermined(moves: Mapping[str, Mapping[str, float]]) -> tuple[str, str] | 
     )
     moved = dict.fromkeys(name for i in involved for name in moves[axes[i]])
     text = (
-        f"{listed([axes[i] for i in involved])} are not determined by the bodies that they move "
-        f"({listed(list(moved))}): moving {moves_of_axes} changes nothing; {len(axes)} axes move "
-        f"{len(names)} coordinates, and {rank} of their motions differ"
+        f"{joined_names([axes[i] for i in involved])} are not determined by the bodies that they "
+        "move "
+        f"({joined_names(list(moved))}): moving {moves_of_axes} changes nothing; {len(axes)} axes "
+        f"move {len(names)} coordinates, and {rank} of their motions differ"
     )
     return axes[involved[-1]], text
 
 
-def listed(names: Sequence[str]) -> str:
+def joined_names(names: Sequence[str]) -> str:
     """Names joined for a sentence."""
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"

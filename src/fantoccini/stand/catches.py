@@ -80,13 +80,15 @@ def impacts_of(axis_map: AxisMap, marionette: Marionette, run: Trajectory) -> Im
     if run.method != "event" or not catches:
         return None
     times, impulses = impulses_of(run, marionette)
-    lost, strings = np.zeros(len(times)), [dict[str, None]() for _ in times]
+    lost_energy, strings = np.zeros(len(times)), [dict[str, None]() for _ in times]
     for event in catches:
         i = int(np.searchsorted(times, event.t))
         if i < len(times) and times[i] == event.t:
-            lost[i] += event.impulse * abs(event.speed)
+            lost_energy[i] += event.impulse * abs(event.speed)
             strings[i][event.name] = None
-    return Impacts(times, impulses[:, axis_map.v] @ axis_map.J, lost, tuple(map(tuple, strings)))
+    return Impacts(
+        times, impulses[:, axis_map.v] @ axis_map.J, lost_energy, tuple(map(tuple, strings))
+    )
 
 
 def catch_impulses(
@@ -114,42 +116,42 @@ def catch_impulses(
         return []
     index = np.minimum(np.searchsorted(t, impacts.t), len(t) - 1)
     impulses = np.abs(impacts.impulse[:, k]) / axis.ratio
-    chosen = np.flatnonzero(
+    indices = np.flatnonzero(
         (impulses > MIN_IMPULSE) & (impacts.lost_energy > 0.0) & ~unknown[index]
     )
-    samples, impulse = index[chosen], impulses[chosen]
+    samples, impulse = index[indices], impulses[indices]
     speed = velocity[samples] * axis.ratio
-    largest = max_impulse(
-        axis, np.abs(torque[samples]), speed, impulse**2 / impacts.lost_energy[chosen]
+    bounds = max_impulse(
+        axis, np.abs(torque[samples]), speed, impulse**2 / impacts.lost_energy[indices]
     )
-    margin = 100.0 * (1.0 - impulse / np.maximum(largest, impulse / MAX_IMPULSE_RATIO))
+    margin = 100.0 * (1.0 - impulse / np.maximum(bounds, impulse / MAX_IMPULSE_RATIO))
     return [
         CatchImpulse(
             axis.name, float(impacts.t[i]), impacts.strings[i], float(p), float(bound), float(share)
         )
-        for i, p, bound, share in zip(chosen, impulse, largest, margin, strict=True)
+        for i, p, bound, share in zip(indices, impulse, bounds, margin, strict=True)
     ]
 
 
 def impulses_of(run: Trajectory, marionette: Marionette) -> tuple[Array, Array]:
     """Times (I,) of a run's impacts, and their impulses on the driven coordinates (I, n_vK)."""
-    table = run.coordinates
+    coordinates = run.coordinates
     names = run.tension.names
     # An impact is several samples at one time: before is the first of them, after the last.
     times = np.unique(run.t[np.flatnonzero(np.diff(run.t) == 0.0)])
-    before = np.searchsorted(run.t, times, side="left")
-    after = np.searchsorted(run.t, times, side="right") - 1
-    dv_D = run.v_D[after] - run.v_D[before]
+    sample_before = np.searchsorted(run.t, times, side="left")
+    sample_after = np.searchsorted(run.t, times, side="right") - 1
+    dv_D = run.v_D[sample_after] - run.v_D[sample_before]
     tension = np.zeros((len(times), len(names)))
     for event in run.events:
         i = int(np.searchsorted(times, event.t))
         if event.impulse and event.name in names and i < len(times) and times[i] == event.t:
             tension[i, names.index(event.name)] += event.impulse
-    q_D, zero = run.q_D[after], np.zeros_like(dv_D)
-    driven = np.zeros((len(times), table.n_vK))
-    state = q_D, zero, run.q_K[after], driven
-    with_impulse = marionette.effort(*state, dv_D, driven, tension)
-    without_impulse = marionette.effort(*state, zero, driven, np.zeros_like(tension))
+    q_D, zero_dynamic = run.q_D[sample_after], np.zeros_like(dv_D)
+    zero_driven = np.zeros((len(times), coordinates.n_vK))
+    state = q_D, zero_dynamic, run.q_K[sample_after], zero_driven
+    with_impulse = marionette.effort(*state, dv_D, zero_driven, tension)
+    without_impulse = marionette.effort(*state, zero_dynamic, zero_driven, np.zeros_like(tension))
     return times, np.asarray(with_impulse - without_impulse)
 
 

@@ -29,7 +29,7 @@ from fantoccini.dynamics.steppers import undetermined
 from fantoccini.motion import Columns, Trajectory
 from fantoccini.stand.axes import Axis, AxisMap, AxisMotion
 from fantoccini.stand.catches import CatchImpulse, Impacts, impacts_of
-from fantoccini.stand.limits import Limit, Load, limits_of, load_of
+from fantoccini.stand.limits import Limit, Load, axis_limits, axis_load
 from fantoccini.stand.motors import Stepper
 from fantoccini.stand.stand_file import Stand, load_stand
 from fantoccini.stand.step_loss import LostSteps, lost_steps
@@ -90,7 +90,7 @@ class StandCheck:
     @cached_property
     def force(self) -> Array:
         """(T, n) F = J^T f_K of the axes on their loads [N or N m]."""
-        return between(self.run.t, _forces(self.map, self.run), self.times)
+        return interpolate_smoothly(self.run.t, _forces(self.map, self.run), self.times)
 
     @cached_property
     def torque(self) -> Array:
@@ -107,9 +107,9 @@ class StandCheck:
         return tuple(self._load(axis, k) for k, axis in enumerate(self.axes))
 
     def _load(self, axis: Axis, k: int) -> Load:
-        series = self.motion.of(axis.name)
+        series = self.motion.series_of_axis(axis.name)
         force, unknown = self.force[:, k], self.unknown[:, k]
-        return load_of(axis, k, self.times, series, force, self.impacts, unknown)
+        return axis_load(axis, k, self.times, series, force, self.impacts, unknown)
 
     @property
     def ok(self) -> bool:
@@ -137,7 +137,7 @@ class StandCheck:
         }
 
     @property
-    def judged(self) -> Array:
+    def checked_torque(self) -> Array:
         """(T, n) magnitude of the torques that are checked; 0 where not determined [N m]."""
         return np.where(self.unknown, 0.0, np.abs(self.torque))
 
@@ -146,21 +146,21 @@ class StandCheck:
         """The smallest margin of all limits [%]."""
         return min(limit.margin for limit in self.limits)
 
-    def of(self, axis: str) -> dict[str, Limit]:
+    def limits_of_axis(self, axis: str) -> dict[str, Limit]:
         """The limits of an axis by quantity."""
         return {limit.quantity: limit for limit in self.limits if limit.axis == axis}
 
     def margin_text(self, axis: str, quantity: str) -> str:
         """The margin of an axis and quantity [%], with ``?`` if forces of the axis are unknown."""
-        limit = self.of(axis).get(quantity)
+        limit = self.limits_of_axis(axis).get(quantity)
         text = "" if limit is None else f"{limit.margin:.0f}"
         is_force = quantity in ("torque", "catch") and axis in self.undetermined
         return f"{text}?" if is_force else text
 
     def limits_with(self, k: int, axis: Axis) -> tuple[Limit, ...]:
         """The limits of axis ``k``, with another motor or transmission, for this motion."""
-        series = self.motion.of(axis.name)
-        return tuple(limits_of(self.map.stand, axis, self.times, series, self._load(axis, k)))
+        series = self.motion.series_of_axis(axis.name)
+        return tuple(axis_limits(self.map.stand, axis, self.times, series, self._load(axis, k)))
 
     def power(self) -> Array:
         """(T, n) power of the motors [W]."""
@@ -190,7 +190,7 @@ class StandCheck:
         return (
             f"{name} cannot do it: at t = {first.broken:.3f} s the {first.quantity} of "
             f"{first.axis} is insufficient; at worst, at t = {worst.t:.3f} s, {worst} "
-            f"({worst.over} too much)"
+            f"({worst.excess_text} too much)"
         )
 
 
@@ -220,26 +220,26 @@ def check_stand(
         run.coordinates.v_K,
     ):
         raise ValueError(f"the run is not of {marionette.name}: it has other coordinates")
-    axis_map = AxisMap.of(stand, run.coordinates)
-    sampled = axis_map.motion_of(run)
+    axis_map = AxisMap.from_stand(stand, run.coordinates)
+    sampled_motion = axis_map.motion_of(run)
     if run.effort is None:
         run = with_effort(run, marionette)
     times = _check_times(run)
-    forces = between(run.t, _forces(axis_map, run), times)
+    forces = interpolate_smoothly(run.t, _forces(axis_map, run), times)
     impacts = impacts_of(axis_map, marionette, run)
-    unknown = _unknown(axis_map, marionette, run, times)
+    unknown = _undetermined_flags(axis_map, marionette, run, times)
     limits: list[Limit] = []
     catches: list[CatchImpulse] = []
     lost = {}
     # One axis after the other: arrays for all axes would need gigabytes for an hour's run.
     for k, axis in enumerate(axis_map.axes):
-        series = sampled.between(k, times)
-        load = load_of(axis, k, times, series, forces[:, k], impacts, unknown[:, k])
-        limits += limits_of(stand, axis, times, series, load)
+        series = sampled_motion.interpolated_axis(k, times)
+        load = axis_load(axis, k, times, series, forces[:, k], impacts, unknown[:, k])
+        limits += axis_limits(stand, axis, times, series, load)
         catches += load.catches
-        steps = _steps_lost_by(axis, marionette, times, load)
-        if steps is not None:
-            lost[axis.name] = steps
+        lost_steps_of_axis = _steps_lost_by(axis, marionette, times, load)
+        if lost_steps_of_axis is not None:
+            lost[axis.name] = lost_steps_of_axis
     return StandCheck(
         axis_map,
         run,
@@ -260,7 +260,9 @@ def _forces(axis_map: AxisMap, run: Trajectory) -> Array:
     return axis_map.forces(run.effort.values)
 
 
-def _unknown(axis_map: AxisMap, marionette: Marionette, run: Trajectory, times: Array) -> Mask:
+def _undetermined_flags(
+    axis_map: AxisMap, marionette: Marionette, run: Trajectory, times: Array
+) -> Mask:
     """(len(times), n) bool, when the motion does not determine the force of an axis."""
     flags = run.undetermined
     if flags is None:
@@ -278,24 +280,28 @@ def _unknown(axis_map: AxisMap, marionette: Marionette, run: Trajectory, times: 
     return np.where(is_sample[:, None], unknown[index], near_unknown[index])
 
 
-def between(t: Array, values: Array, times: Array) -> Array:
+def interpolate_smoothly(t: Array, values: Array, times: Array) -> Array:
     """Values (T, n) of a run at other times, interpolated smoothly (Akima) between impacts.
 
     At an impact, which is several samples at one time, the values are those after it.
     """
-    out = np.empty((len(times), values.shape[1]))
+    interpolated = np.empty((len(times), values.shape[1]))
     impacts = np.flatnonzero(np.diff(t) <= 0.0) + 1
     for first, last in pairwise([0, *impacts, len(t)]):
         samples, stop = slice(first, last), len(times)
         if last < len(t):
             stop = int(np.searchsorted(times, t[last]))
-        inside = slice(int(np.searchsorted(times, t[first])), stop)
+        between_impacts = slice(int(np.searchsorted(times, t[first])), stop)
         if last - first < MIN_SMOOTH_SAMPLES:
             for k in range(values.shape[1]):
-                out[inside, k] = np.interp(times[inside], t[samples], values[samples, k])
-        elif inside.stop > inside.start:
-            out[inside] = Akima1DInterpolator(t[samples], values[samples])(times[inside])
-    return out
+                interpolated[between_impacts, k] = np.interp(
+                    times[between_impacts], t[samples], values[samples, k]
+                )
+        elif between_impacts.stop > between_impacts.start:
+            interpolated[between_impacts] = Akima1DInterpolator(t[samples], values[samples])(
+                times[between_impacts]
+            )
+    return interpolated
 
 
 def with_effort(run: Trajectory, marionette: Marionette) -> Trajectory:
@@ -312,10 +318,12 @@ def with_effort(run: Trajectory, marionette: Marionette) -> Trajectory:
 def _check_times(run: Trajectory) -> Times:
     """Times at which a run is checked: its own samples, and evenly spaced ones between them."""
     n = max(2, round(run.duration * CHECK_RATE) + 1)
-    even = np.linspace(run.t[0], run.t[-1], n)
-    right = np.clip(np.searchsorted(run.t, even), 1, len(run.t) - 1)
-    distance = np.minimum(np.abs(run.t[right] - even), np.abs(even - run.t[right - 1]))
-    return np.union1d(run.t, even[distance > MAX_TIME_ROUNDING])
+    even_times = np.linspace(run.t[0], run.t[-1], n)
+    next_sample = np.clip(np.searchsorted(run.t, even_times), 1, len(run.t) - 1)
+    distance = np.minimum(
+        np.abs(run.t[next_sample] - even_times), np.abs(even_times - run.t[next_sample - 1])
+    )
+    return np.union1d(run.t, even_times[distance > MAX_TIME_ROUNDING])
 
 
 def _steps_lost_by(
@@ -349,13 +357,13 @@ def _notes(
             "tensions that the motion determines"
         )
     assert run.effort is not None
-    force, gap = np.abs(run.effort.values), np.diff(run.t)
+    force, intervals = np.abs(run.effort.values), np.diff(run.t)
     change = np.max(np.abs(np.diff(force, axis=0)) / np.max(force, initial=1e-9), axis=1)
-    coarse = np.flatnonzero((gap > COARSE_SAMPLES[0]) & (change > COARSE_SAMPLES[1]))
+    coarse = np.flatnonzero((intervals > COARSE_SAMPLES[0]) & (change > COARSE_SAMPLES[1]))
     if len(coarse):
         notes.append(
-            f"the run has samples {1e3 * np.max(gap[coarse]):.0f} ms apart where its forces change "
-            f"(at t = {run.t[coarse[0]]:.3f} s): peaks between them may be missed"
+            f"the run has samples {1e3 * np.max(intervals[coarse]):.0f} ms apart where its forces "
+            f"change (at t = {run.t[coarse[0]]:.3f} s): peaks between them may be missed"
         )
     if run.contact is None and marionette.contacts is not None:
         notes.append(

@@ -212,17 +212,17 @@ def axis_letters(
         kind: its kind, one of :data:`LETTERS`.
         axes: names of its axes, not more than it has letters.
     """
-    allowed, names, used = LETTERS[kind], controller.names, list[str]()
-    free = [letter for letter in allowed if letter not in names.values()]
+    all_letters, names, used_letters = LETTERS[kind], controller.names, list[str]()
+    free_letters = [letter for letter in all_letters if letter not in names.values()]
     mistakes = {}
     for axis in axes:
-        name = str(names[axis]) if axis in names else free.pop(0)
-        if name not in allowed or name in used:
+        name = str(names[axis]) if axis in names else free_letters.pop(0)
+        if name not in all_letters or name in used_letters:
             mistakes[axis] = (
-                f"found {name!r}; needed: a letter of {allowed}, a different one for each axis"
+                f"found {name!r}; needed: a letter of {all_letters}, a different one for each axis"
             )
-        used.append(name)
-    return "".join(used), mistakes
+        used_letters.append(name)
+    return "".join(used_letters), mistakes
 
 
 def too_many_axes(kind: str, n_axes: int) -> str:

@@ -159,8 +159,8 @@ class GrblMachine:
                 raise LineRefusedError(3)
             elif text:
                 self._interpret(text)
-        except LineRefusedError as refused:
-            return f"error:{refused.args[0]}"
+        except LineRefusedError as error:
+            return f"error:{error.args[0]}"
         return "ok"
 
     def finish(self) -> None:
@@ -179,9 +179,9 @@ class GrblMachine:
 
     def _interpret(self, text: str) -> None:
         """Executes or plans a line of G-code words."""
-        words, rest = WORD_PATTERN.findall(text), WORD_PATTERN.sub("", text)
-        if rest:
-            raise LineRefusedError(2 if rest[0].isalpha() else 1)
+        words, unknown_text = WORD_PATTERN.findall(text), WORD_PATTERN.sub("", text)
+        if unknown_text:
+            raise LineRefusedError(2 if unknown_text[0].isalpha() else 1)
         commands = {f"{letter}{float(value):g}" for letter, value in words if letter in "GM"}
         values = {letter: float(value) for letter, value in words if letter not in "GM"}
         if commands - SUPPORTED_COMMANDS:
@@ -229,15 +229,15 @@ class GrblMachine:
             return  # shorter than a step
         length = float(np.linalg.norm(delta / settings.steps))
         direction = delta / settings.steps / length
-        moving = direction != 0.0
-        components = np.abs(direction[moving])
+        is_moving = direction != 0.0
+        components = np.abs(direction[is_moving])
         speed = min(
             rate * length if self._inverse_time else rate,
-            float(np.min(settings.rate[moving] / components)),
+            float(np.min(settings.rate[is_moving] / components)),
         )
         speed = max(speed, MIN_SPEED)
         corner_speed = min(self._corner_speed(direction), self._last_speed, speed)
-        acceleration = float(np.min(settings.acceleration[moving] / components))
+        acceleration = float(np.min(settings.acceleration[is_moving] / components))
         move = PlannedMove(self.end_steps, delta, length, speed, acceleration, corner_speed)
         self.planned.append(move)
         self.end_steps, self._last_direction, self._last_speed = steps, direction, speed
@@ -256,8 +256,8 @@ class GrblMachine:
             return math.inf
         change = direction - self._last_direction
         components = np.abs(change / np.linalg.norm(change))
-        moving = components > 0.0
-        a = float(np.min(self.settings.acceleration[moving] / components[moving]))
+        is_changing = components > 0.0
+        a = float(np.min(self.settings.acceleration[is_changing] / components[is_changing]))
         s = math.sqrt((1.0 - cosine) / 2.0)
         return math.sqrt(a * self.settings.junction * s / (1.0 - s))
 
@@ -288,8 +288,8 @@ def positions_together(machines: Sequence[GrblMachine], times: Times) -> Array:
     series = []
     for machine, wait in zip(machines, start_waits(machines), strict=True):
         begin = machine.dwell_ends[0] if machine.dwell_ends else 0.0
-        own_times = np.where(times < begin + wait, np.minimum(times, begin), times - wait)
-        series.append(machine.positions(own_times))
+        machine_times = np.where(times < begin + wait, np.minimum(times, begin), times - wait)
+        series.append(machine.positions(machine_times))
     return np.concatenate(series, axis=1)
 
 

@@ -50,7 +50,7 @@ class GrblSettings(Limits):
 
     def lines(self) -> list[str]:
         """Lines of GRBL's settings, ``$100=...``."""
-        mask = sum(1 << k for k, back in enumerate(self.reversed) if back)
+        mask = sum(1 << k for k, is_reversed in enumerate(self.reversed) if is_reversed)
         lines = [f"$3={mask}", f"$11={self.junction:.3f}"]
         for k in range(len(self.letters)):
             lines += [
@@ -123,7 +123,7 @@ def gcode(points: SetPoints, inverse: bool = True) -> str:
         StandError: the controller does not accept G-code, or cannot keep the times.
     """
     if isinstance(points.controller, Klipper):
-        return _klipper(points)
+        return _klipper_gcode(points)
     return gcode_program(points, inverse).text
 
 
@@ -136,10 +136,10 @@ def gcode_program(points: SetPoints, inverse: bool = True) -> Program:
         )
     settings = grbl_settings(points.map.stand, points.controller, points.rate)
     moves = timed_moves(points.motion.t, points.counts, settings)
-    marlin = isinstance(points.controller, Marlin)
-    writer = GcodeWriter(points, settings, inverse and not marlin, marlin)
+    is_marlin = isinstance(points.controller, Marlin)
+    writer = GcodeWriter(points, settings, inverse and not is_marlin, is_marlin)
     lines = [
-        *_header(points, settings, marlin),
+        *_header(points, settings, is_marlin),
         *writer.lines_before(),
         *writer.lines_of_motion(moves),
         *writer.lines_after(),
@@ -160,9 +160,9 @@ def slow_feed(points: SetPoints) -> float:
 class GcodeWriter:
     """Writer of G-code lines for GRBL, FluidNC and Marlin."""
 
-    def __init__(self, points: SetPoints, settings: GrblSettings, inverse: bool, marlin: bool):
+    def __init__(self, points: SetPoints, settings: GrblSettings, inverse: bool, is_marlin: bool):
         self.points, self.settings = points, settings
-        self.inverse, self.marlin = inverse, marlin
+        self.inverse, self.is_marlin = inverse, is_marlin
         self.scale = gcode_units(points.axes)
         self.last_words: dict[str, str] = {}  # letter of an axis -> its last position
 
@@ -175,15 +175,17 @@ class GcodeWriter:
             lines.append(f"G1{words}F{slow_feed(points):g}")
         elif points.home:
             home = self._words(self._whole_steps(points.home_position() * self.scale))
-            lines += ["G28" if self.marlin else "$H", self._set_position(home)]
+            lines += ["G28" if self.is_marlin else "$H", self._set_position(home)]
         else:
-            legs = points.targets_before()
-            first = legs[-1] if legs else points.motion.position[0]
-            lines.append(self._set_position(self._words(self._whole_steps(first * self.scale))))
+            targets = points.targets_before()
+            known_position = targets[-1] if targets else points.motion.position[0]
+            lines.append(
+                self._set_position(self._words(self._whole_steps(known_position * self.scale)))
+            )
         position = points.home_position() if points.home else points.motion.position[0]
-        for leg in points.targets_before():
-            lines += self._slow_move(position, leg)
-            position = leg
+        for target in points.targets_before():
+            lines += self._slow_move(position, target)
+            position = target
         self.last_words = dict(zip(names, self._position_texts(points.counts[0]), strict=True))
         return [*lines, self._dwell(SETTLING_DWELL), *(["G93"] if self.inverse else []), "; motion"]
 
@@ -194,43 +196,47 @@ class GcodeWriter:
             if moves.dwells[k]:
                 lines.append(self._dwell(moves.seconds[k]))
                 continue
-            before = {**self.last_words}
+            previous_words = {**self.last_words}
             words = self._changed_words(self._position_texts(moves.target[k]))
             length = moves.length[k]
-            if self.marlin:
-                length = self._marlin_length(before)
+            if self.is_marlin:
+                length = self._marlin_length(previous_words)
             speed = moves.speed[k] * length / moves.length[k]
             feed = 60.0 * speed / length if self.inverse else 60.0 * speed
-            lines.append(f"G1{words}F{_significant(feed, 8)}")
+            lines.append(f"G1{words}F{_with_significant_digits(feed, 8)}")
         return lines
 
     def lines_after(self) -> list[str]:
         """Lines after the motion: parking and the end."""
         lines = ["; end", "G94"]
-        park = self.points.target_after()
-        if park is not None:
-            lines += self._slow_move(self.points.motion.position[-1], park)
+        parking_position = self.points.target_after()
+        if parking_position is not None:
+            lines += self._slow_move(self.points.motion.position[-1], parking_position)
         # Both wait for the end of all moves before they are acknowledged.
-        return [*lines, "M400" if self.marlin else "M2"]
+        return [*lines, "M400" if self.is_marlin else "M2"]
 
-    def _slow_move(self, first: Array, last: Array) -> list[str]:
+    def _slow_move(self, start: Array, end: Array) -> list[str]:
         """A slow move to positions [m or rad]."""
-        distance = np.abs(last - first) * self.scale
+        distance = np.abs(end - start) * self.scale
         if not np.any(np.rint(distance * self.settings.steps)):
             return []
         length = float(np.linalg.norm(distance))
         speed = np.array([axis.file.speed for axis in self.points.axes]) * self.scale
-        moving = distance > 0.0
-        rate = SLOW_SPEED_SHARE * float(np.min(speed[moving] * length / distance[moving]))
-        words = self._words(self._whole_steps(last * self.scale))
-        return [f"G1{words}F{_significant(60.0 * rate, 6)}"]
+        is_moving = distance > 0.0
+        rate = SLOW_SPEED_SHARE * float(np.min(speed[is_moving] * length / distance[is_moving]))
+        words = self._words(self._whole_steps(end * self.scale))
+        return [f"G1{words}F{_with_significant_digits(60.0 * rate, 6)}"]
 
     def _set_position(self, words: str) -> str:
         """The command that sets the present position to these words."""
-        return f"G92{words}" if self.marlin else f"G10L20P1{words}"
+        return f"G92{words}" if self.is_marlin else f"G10L20P1{words}"
 
     def _dwell(self, seconds: float) -> str:
-        return f"G4P{1000.0 * seconds:.0f}" if self.marlin else f"G4P{_significant(seconds, 6)}"
+        return (
+            f"G4P{1000.0 * seconds:.0f}"
+            if self.is_marlin
+            else f"G4P{_with_significant_digits(seconds, 6)}"
+        )
 
     def _whole_steps(self, position: Array) -> Array:
         return np.rint(position * self.settings.steps)
@@ -238,8 +244,11 @@ class GcodeWriter:
     def _position_texts(self, steps: Array) -> list[str]:
         """Positions of whole steps, with as many decimals as one step needs."""
         return [
-            _decimals(float(count / per), int(np.clip(np.ceil(np.log10(per)) + 2, 3, 5)))
-            for count, per in zip(steps, self.settings.steps, strict=True)
+            _with_decimals(
+                float(count / steps_per_unit),
+                int(np.clip(np.ceil(np.log10(steps_per_unit)) + 2, 3, 5)),
+            )
+            for count, steps_per_unit in zip(steps, self.settings.steps, strict=True)
         ]
 
     def _words(self, steps: Array) -> str:
@@ -255,10 +264,10 @@ class GcodeWriter:
                 words += letter + text
         return words
 
-    def _marlin_length(self, before: dict[str, str]) -> float:
+    def _marlin_length(self, previous_words: dict[str, str]) -> float:
         """Path length as Marlin computes it: over X, Y and Z, or over the others if those rest."""
         distances = {
-            letter: float(self.last_words[letter]) - float(before[letter])
+            letter: float(self.last_words[letter]) - float(previous_words[letter])
             for letter in self.last_words
         }
         linear = np.array([distances[letter] for letter in distances if letter in "XYZ"])
@@ -276,16 +285,16 @@ def _title(points: SetPoints) -> list[str]:
     return [*lines, f"; exported with --force: {points.warning}"] if points.warning else lines
 
 
-def _header(points: SetPoints, settings: GrblSettings, marlin: bool) -> list[str]:
+def _header(points: SetPoints, settings: GrblSettings, is_marlin: bool) -> list[str]:
     """Comment lines: the stand, the letter of every axis, and the controller's settings."""
     lines = _title(points)
     for letter, axis in zip(settings.letters, points.axes, strict=True):
         lines.append(f"; {letter} = {axis.name} [{'mm' if axis.unit == 'm' else 'deg'}]")
-    if not marlin:
+    if not is_marlin:
         return [*lines, "; settings", *(f"; {line}" for line in settings.lines())]
-    pairs = {"M92": settings.steps, "M203": settings.rate, "M201": settings.acceleration}
+    values_by_code = {"M92": settings.steps, "M203": settings.rate, "M201": settings.acceleration}
     lines.append("; settings")
-    for code, values in pairs.items():
+    for code, values in values_by_code.items():
         words = (f"{a}{v:.3f}" for a, v in zip(settings.letters, values, strict=True))
         lines.append(f"; {code} {' '.join(words)}")
     return [
@@ -307,19 +316,20 @@ def _check_port_speed(points: SetPoints, moves: TimedMoves, lines: list[str]) ->
     seconds = np.array([10.0 * (len(line) + 1) / points.controller.baud for line in motion_lines])
     moves_ahead = points.controller.planner - 1
     for i in range(len(motion_lines) - moves_ahead):
-        sending, moving = (
+        sending_time, moving_time = (
             np.sum(seconds[i : i + moves_ahead]),
             np.sum(moves.seconds[i : i + moves_ahead]),
         )
-        if sending > moving:
+        if sending_time > moving_time:
             raise StandError(
-                f"at {points.controller.baud} baud, {moves_ahead} lines take {sending:.3f} s, but "
-                f"the moves last {moving:.3f} s (t = {moves.begin[i]:.3f} s); needed: fewer set "
-                "points per second (--rate), or a faster port"
+                f"at {points.controller.baud} baud, {moves_ahead} lines take {sending_time:.3f} s, "
+                "but "
+                f"the moves last {moving_time:.3f} s (t = {moves.begin[i]:.3f} s); needed: fewer "
+                "set points per second (--rate), or a faster port"
             )
 
 
-def _klipper(points: SetPoints) -> str:
+def _klipper_gcode(points: SetPoints) -> str:
     """G-code for Klipper: every axis is a `manual_stepper`, and G4 keeps the time."""
     names = [str(points.controller.names.get(a.name, a.name)) for a in points.axes]
     mistakes = [
@@ -334,74 +344,77 @@ def _klipper(points: SetPoints) -> str:
     for k, (name, axis) in enumerate(zip(names, points.axes, strict=True)):
         if points.home and axis.file.home is not None:
             home = axis.file.home
-            first, last = (scale[k] * x for x in axis.travel)
-            search = (first - last) if home.towards == "min" else (last - first)
+            low_end, high_end = (scale[k] * x for x in axis.travel)
+            homing_move = (low_end - high_end) if home.towards == "min" else (high_end - low_end)
             lines += [
                 f"MANUAL_STEPPER STEPPER={name} ENABLE=1 SET_POSITION=0",
-                f"MANUAL_STEPPER STEPPER={name} MOVE={_decimals(search, 4)} "
-                f"SPEED={_significant(home.speed * scale[k], 6)} STOP_ON_ENDSTOP=1",
-                f"MANUAL_STEPPER STEPPER={name} SET_POSITION={_decimals(home.at * scale[k], 4)}",
-                f"MANUAL_STEPPER STEPPER={name} MOVE={_decimals(start[k] * scale[k], 4)} "
-                f"SPEED={_significant(home.speed * scale[k], 6)}",
+                f"MANUAL_STEPPER STEPPER={name} MOVE={_with_decimals(homing_move, 4)} "
+                f"SPEED={_with_significant_digits(home.speed * scale[k], 6)} STOP_ON_ENDSTOP=1",
+                f"MANUAL_STEPPER STEPPER={name} "
+                f"SET_POSITION={_with_decimals(home.at * scale[k], 4)}",
+                f"MANUAL_STEPPER STEPPER={name} MOVE={_with_decimals(start[k] * scale[k], 4)} "
+                f"SPEED={_with_significant_digits(home.speed * scale[k], 6)}",
             ]
         else:
             lines.append(
                 f"MANUAL_STEPPER STEPPER={name} ENABLE=1 "
-                f"SET_POSITION={_decimals(start[k] * scale[k], 4)}"
+                f"SET_POSITION={_with_decimals(start[k] * scale[k], 4)}"
             )
-    for leg in points.targets_before():
-        lines += _klipper_leg(points, names, start, leg, None)
-        start = leg
+    for target in points.targets_before():
+        lines += _klipper_move(points, names, start, target, None)
+        start = target
     lines.append("; motion")
     for i in range(len(motion) - 1):
         seconds = float(motion.t[i + 1] - motion.t[i])
         p = motion.position
-        lines += _klipper_leg(points, names, p[i], p[i + 1], seconds)
+        lines += _klipper_move(points, names, p[i], p[i + 1], seconds)
     lines.append("; end")
-    park = points.target_after()
-    if park is not None:
-        lines += _klipper_leg(points, names, motion.position[-1], park, None)
+    parking_position = points.target_after()
+    if parking_position is not None:
+        lines += _klipper_move(points, names, motion.position[-1], parking_position, None)
     return "\n".join([*lines, ""])
 
 
-def _klipper_leg(
+def _klipper_move(
     points: SetPoints, names: list[str], first: Array, last: Array, seconds: float | None
 ) -> list[str]:
     """A move of all axes and a wait for its end; slow, unless ``seconds`` gives its duration."""
     scale = gcode_units(points.axes)
     lines = []
-    begin, end = ([float(_decimals(x, 4)) for x in p * scale] for p in (first, last))
+    begin, end = ([float(_with_decimals(x, 4)) for x in p * scale] for p in (first, last))
     distances = [abs(b - a) for a, b in zip(begin, end, strict=True)]
-    duration, ramps = seconds or 0.0, [0.0] * len(names)
+    duration, accelerations = seconds or 0.0, [0.0] * len(names)
     if seconds is None:
         max_speeds = [axis.file.speed or 0.0 for axis in points.axes]
         speeds = [SLOW_SPEED_SHARE * s * v for s, v in zip(scale, max_speeds, strict=True)]
-        ramps = [s * (a.file.acceleration or 0.0) for s, a in zip(scale, points.axes, strict=True)]
+        accelerations = [
+            s * (a.file.acceleration or 0.0) for s, a in zip(scale, points.axes, strict=True)
+        ]
         duration = max(d / v for d, v in zip(distances, speeds, strict=True))
     for k, name in enumerate(names):
         if distances[k]:
             lines.append(
-                f"MANUAL_STEPPER STEPPER={name} MOVE={_decimals(end[k], 4)} "
-                f"SPEED={_significant(distances[k] / duration, 9)} "
-                f"ACCEL={_significant(ramps[k], 6)} SYNC=0"
+                f"MANUAL_STEPPER STEPPER={name} MOVE={_with_decimals(end[k], 4)} "
+                f"SPEED={_with_significant_digits(distances[k] / duration, 9)} "
+                f"ACCEL={_with_significant_digits(accelerations[k], 6)} SYNC=0"
             )
     if seconds is None and lines:  # each ramp adds speed / acceleration
-        duration += max(d / duration / a for d, a in zip(distances, ramps, strict=True))
-    return [*lines, f"G4 P{_significant(1000.0 * duration, 9)}"] if duration else []
+        duration += max(d / duration / a for d, a in zip(distances, accelerations, strict=True))
+    return [*lines, f"G4 P{_with_significant_digits(1000.0 * duration, 9)}"] if duration else []
 
 
-def macro(text: str, name: str) -> str:
+def klipper_macro(text: str, name: str) -> str:
     """G-code lines as a `[gcode_macro]` section of Klipper's configuration."""
     lines = [f"  {line}" for line in text.splitlines() if not line.startswith(";")]
     return "\n".join([f"[gcode_macro {name}]", "gcode:", *lines, ""])
 
 
-def _decimals(value: float, decimals: int) -> str:
+def _with_decimals(value: float, decimals: int) -> str:
     text = f"{value:.{decimals}f}".rstrip("0").rstrip(".")
     return "0" if text in ("-0", "") else text
 
 
-def _significant(value: float, digits: int) -> str:
+def _with_significant_digits(value: float, digits: int) -> str:
     """A positive number with this many significant digits, without exponent."""
     before = int(np.floor(np.log10(value))) + 1 if value > 0.0 else 1
-    return _decimals(value, max(0, digits - max(before, 1)))
+    return _with_decimals(value, max(0, digits - max(before, 1)))

@@ -25,7 +25,7 @@ QUANTITIES = ("travel", "speed", "acceleration", "step rate", "torque", "catch")
 
 MAX_RATIO = 10.0
 """Largest reported ratio of demand to bound; beyond its torque curve a motor's bound is 0."""
-ROUNDING = 1e-9
+RELATIVE_ROUNDING = 1e-9
 """Relative excess over a bound that counts as rounding."""
 
 
@@ -57,11 +57,12 @@ class Limit:
         if self.quantity == "travel":
             text = f"{self.axis} is at {self.value:.4g} {self.unit}, its travel ends at "
             return f"{text}{self.bound:.4g}"
-        has = f"{self.bound:.4g}" if self.bound > 0.0 else "none at that speed and load"
-        return f"{self.axis} needs {self.value:.4g} {self.unit} of {self.quantity}, and has {has}"
+        available_text = f"{self.bound:.4g}" if self.bound > 0.0 else "none at that speed and load"
+        demand = f"{self.value:.4g} {self.unit} of {self.quantity}"
+        return f"{self.axis} needs {demand}, and has {available_text}"
 
     @property
-    def over(self) -> str:
+    def excess_text(self) -> str:
         """Largest excess over the bound, as text."""
         if -self.margin >= 100.0 * (MAX_RATIO - 1.0):
             return f"over {MAX_RATIO:.0f} times"
@@ -84,7 +85,7 @@ class Load:
     catches: list[CatchImpulse]
 
 
-def load_of(
+def axis_load(
     axis: Axis,
     k: int,
     t: Times,
@@ -104,46 +105,46 @@ def load_of(
         impacts: impacts of the run.
         unknown: (T,) times at which the motion does not determine the force.
     """
-    torque = torque_of(axis, series, force)
+    torque = axis_torque(axis, series, force)
     available = axis.motor.max_torque(axis.ratio * series[1], torque)
-    hits = catch_impulses(impacts, axis, k, t, series[1], torque, unknown)
-    return Load(torque, available, ~unknown, hits)
+    catches = catch_impulses(impacts, axis, k, t, series[1], torque, unknown)
+    return Load(torque, available, ~unknown, catches)
 
 
-def limits_of(stand: Stand, axis: Axis, t: Times, series: Series, load: Load) -> list[Limit]:
+def axis_limits(stand: Stand, axis: Axis, t: Times, series: Series, load: Load) -> list[Limit]:
     """The limits of one axis; arguments as for :func:`load_of`."""
     p, v, acc = series
     unit, file = axis.unit, axis.file
     low, high = axis.travel
-    to_end = np.minimum(p - low, high - p)
-    nearest = int(np.argmin(to_end))
-    end = low if p[nearest] - low < high - p[nearest] else high
+    end_distances = np.minimum(p - low, high - p)
+    nearest = int(np.argmin(end_distances))
+    nearest_end = low if p[nearest] - low < high - p[nearest] else high
     limits = [
         Limit(
             axis.name,
             "travel",
             unit,
             float(p[nearest]),
-            end,
-            100.0 * float(to_end[nearest]) / (high - low),
+            nearest_end,
+            100.0 * float(end_distances[nearest]) / (high - low),
             float(t[nearest]),
-            _first_time(t, to_end < -ROUNDING * (high - low)),
+            _first_time(t, end_distances < -RELATIVE_ROUNDING * (high - low)),
         )
     ]
     assert file.speed is not None and file.acceleration is not None
-    rates = [
+    demands = [
         ("speed", f"{unit}/s", np.abs(v), np.full(len(t), file.speed)),
         ("acceleration", f"{unit}/s^2", np.abs(acc), np.full(len(t), file.acceleration)),
     ]
-    pulses = getattr(stand.controller_of(axis.name), "step_rate", None)
-    if isinstance(axis.motor, Stepper) and pulses is not None:
+    max_step_rate = getattr(stand.controller_of(axis.name), "step_rate", None)
+    if isinstance(axis.motor, Stepper) and max_step_rate is not None:
         rate = np.abs(v) * axis.counts_per_unit
-        rates.append(("step rate", "steps/s", rate, np.full(len(t), pulses)))
+        demands.append(("step rate", "steps/s", rate, np.full(len(t), max_step_rate)))
     if np.any(load.known):
         torque = np.where(load.known, np.abs(load.torque), 0.0)
-        rates.append(("torque", "N m", torque, load.available))
-    for quantity, unit_of_rate, demand, bound in rates:
-        limits.append(_limit(axis.name, quantity, unit_of_rate, t, demand, bound))
+        demands.append(("torque", "N m", torque, load.available))
+    for quantity, demand_unit, demand, bound in demands:
+        limits.append(_demand_limit(axis.name, quantity, demand_unit, t, demand, bound))
     if load.catches:
         worst = min(load.catches, key=lambda catch: catch.margin)
         broken = [catch.t for catch in load.catches if catch.margin < 0.0]
@@ -162,7 +163,9 @@ def limits_of(stand: Stand, axis: Axis, t: Times, series: Series, load: Load) ->
     return limits
 
 
-def _limit(axis: str, quantity: str, unit: str, t: Array, demand: Array, bound: Array) -> Limit:
+def _demand_limit(
+    axis: str, quantity: str, unit: str, t: Array, demand: Array, bound: Array
+) -> Limit:
     """The limit of a demand (T,) under a bound (T,)."""
     ratio = demand / np.maximum(bound, 1e-12 * max(1.0, float(np.max(bound))))
     worst = int(np.argmax(ratio))
@@ -175,7 +178,7 @@ def _limit(axis: str, quantity: str, unit: str, t: Array, demand: Array, bound: 
         float(bound[worst]),
         margin,
         float(t[worst]),
-        _first_time(t, demand > bound * (1.0 + ROUNDING)),
+        _first_time(t, demand > bound * (1.0 + RELATIVE_ROUNDING)),
     )
 
 
@@ -183,7 +186,7 @@ def _first_time(t: Array, broken: Mask) -> float | None:
     return float(t[np.argmax(broken)]) if np.any(broken) else None
 
 
-def torque_of(axis: Axis, series: Series, force: Array) -> Array:
+def axis_torque(axis: Axis, series: Series, force: Array) -> Array:
     """(T,) torque of an axis' motor for the force (T,) on its load [N m]."""
     n, (_, v, acc) = axis.ratio, series
     load = force / n

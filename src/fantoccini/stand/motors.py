@@ -17,7 +17,7 @@ from fantoccini.base import Array
 from fantoccini.base.documents import Model, NotNegative, Size, mistake, read_real, shown
 from fantoccini.model.puppet import Count
 
-TURN = 2.0 * math.pi
+RAD_PER_TURN = 2.0 * math.pi
 """A turn [rad]."""
 CURVE_SCHEMA = {
     "type": "array",
@@ -65,7 +65,7 @@ def _torque_at(curve: tuple[tuple[float, float], ...], speed: Array) -> Array:
     points = np.array(curve)
     if len(points) == 1:
         return np.full_like(speed, points[0, 1])
-    return np.interp(np.abs(speed) / TURN, points[:, 0], points[:, 1], right=0.0)
+    return np.interp(np.abs(speed) / RAD_PER_TURN, points[:, 0], points[:, 1], right=0.0)
 
 
 class Stepper(Model):
@@ -129,9 +129,9 @@ class DCMotor(Model):
 
     def max_torque(self, speed: Array, torque: Array) -> Array:
         """(...) largest torque [N m] at speeds [rad/s] with the sign of torques [N m]."""
-        along = np.where(torque * speed >= 0.0, np.abs(speed), -np.abs(speed))
-        by_voltage = (self.voltage - self.constant * along) / self.resistance
-        return self.constant * np.clip(by_voltage, 0.0, self.current)
+        signed_speed = np.where(torque * speed >= 0.0, np.abs(speed), -np.abs(speed))
+        current = (self.voltage - self.constant * signed_speed) / self.resistance
+        return self.constant * np.clip(current, 0.0, self.current)
 
 
 Motor = Annotated[Stepper | ServoMotor | DCMotor, Field(discriminator="type")]
@@ -157,7 +157,11 @@ class Drum(Model):
     @property
     def travel_per_turn(self) -> float:
         """Travel per turn [m]."""
-        return TURN * self.radius if self.radius is not None else math.pi * (self.diameter or 0.0)
+        return (
+            RAD_PER_TURN * self.radius
+            if self.radius is not None
+            else math.pi * (self.diameter or 0.0)
+        )
 
 
 class Belt(Model):
@@ -205,7 +209,7 @@ class Shaft(Model):
     @property
     def travel_per_turn(self) -> float:
         """Travel per turn [rad]."""
-        return TURN
+        return RAD_PER_TURN
 
 
 Transmission = Annotated[Drum | Belt | Screw | Shaft, Field(discriminator="type")]

@@ -24,15 +24,15 @@ PACKET_HEADER = struct.Struct("<8sH")
 DMX_HEADER = struct.Struct(">HBBBBH")
 """Further fields of an ArtDmx packet: version, sequence number, physical port, low and high byte of
 the universe, length."""
-NAME, OUTPUT, VERSION = b"Art-Net\0", 0x5000, 14
+PROTOCOL_ID, DMX_OPCODE, PROTOCOL_VERSION = b"Art-Net\0", 0x5000, 14
 """Name of the protocol, kind of an ArtDmx packet, and version of the protocol."""
-CHANNELS = 512
+CHANNELS_PER_UNIVERSE = 512
 """Number of channels of a universe."""
 
 _ADDRESS = re.compile(r"(?:/[^\s#*,/?\[\]{}]+)+", re.ASCII)
 
 
-class Packets(Protocol):
+class PacketEncoder(Protocol):
     """Encoder of axis positions as packets."""
 
     def encode(self, position: Array, due: float) -> bytes:
@@ -42,7 +42,7 @@ class Packets(Protocol):
         """The packet's contents as text."""
 
 
-def packets_of(stand: Stand, controller: Any, rate: float) -> Packets:
+def packet_encoder(stand: Stand, controller: Any, rate: float) -> PacketEncoder:
     """The encoder of packets for a stand's controller.
 
     Raises:
@@ -51,7 +51,7 @@ def packets_of(stand: Stand, controller: Any, rate: float) -> Packets:
         MissingLibraryError: python-osc is not installed.
     """
     if isinstance(controller, Osc):
-        return OscPackets(addresses(stand, controller))
+        return OscEncoder(osc_addresses(stand, controller))
     if not isinstance(controller, ArtNet):
         raise StandError(
             f"{controller.type} does not accept packets; needed: --controller osc or artnet"
@@ -60,10 +60,10 @@ def packets_of(stand: Stand, controller: Any, rate: float) -> Packets:
         raise StandError(
             f"found {rate:g} set points per second; DMX allows at most {MAX_FRAME_RATE:g}"
         )
-    return ArtNetPackets(axes_of(stand), channels(stand, controller), controller)
+    return ArtNetEncoder(axes_of(stand), dmx_channels(stand, controller), controller)
 
 
-class OscPackets:
+class OscEncoder:
     """Encoder of OSC bundles.
 
     Args:
@@ -89,7 +89,7 @@ class OscPackets:
         return " ".join(f"{address} {np.float32(value)}" for address, value in pairs)
 
 
-class ArtNetPackets:
+class ArtNetEncoder:
     """Encoder of ArtDmx packets, with sequence numbers disabled (0).
 
     A receiver that checks sequence numbers would drop the first packets of a restarted sender, and
@@ -97,16 +97,16 @@ class ArtNetPackets:
 
     Args:
         axes: n axes.
-        first: (n,) first channel of each, from 1.
+        first_channels: (n,) first channel of each, from 1.
         controller: the controller in the stand's file.
     """
 
-    def __init__(self, axes: tuple[Axis, ...], first: tuple[int, ...], controller: ArtNet):
-        self.first, self.controller = first, controller
+    def __init__(self, axes: tuple[Axis, ...], first_channels: tuple[int, ...], controller: ArtNet):
+        self.first_channels, self.controller = first_channels, controller
         self.low, self.high = np.array([axis.travel for axis in axes]).T
 
     @property
-    def n_channels(self) -> int:
+    def channels_per_axis(self) -> int:
         """Number of channels per axis."""
         return self.controller.bits // 8
 
@@ -115,7 +115,7 @@ class ArtNetPackets:
         """2^b - 1: the value at the end of the travel."""
         return int(2**self.controller.bits - 1)
 
-    def channel_values(self, position: Array) -> Indices:
+    def axis_values(self, position: Array) -> Indices:
         """(..., n) channel values for positions (..., n) [m or rad]."""
         share = np.clip((position - self.low) / (self.high - self.low), 0.0, 1.0)
         return np.asarray(np.rint(self.max_value * share).astype(np.int64))
@@ -126,23 +126,23 @@ class ArtNetPackets:
 
     def encode(self, position: Array, due: float) -> bytes:
         """The packet for positions, as in :class:`Packets`; Art-Net has no time tags."""
-        n = max(self.first) + self.n_channels - 1
-        data = bytearray(n + n % 2)
-        for first, value in zip(self.first, self.channel_values(position), strict=True):
-            data[first - 1 : first - 1 + self.n_channels] = int(value).to_bytes(
-                self.n_channels, "big"
+        n_channels = max(self.first_channels) + self.channels_per_axis - 1
+        data = bytearray(n_channels + n_channels % 2)
+        for first, value in zip(self.first_channels, self.axis_values(position), strict=True):
+            data[first - 1 : first - 1 + self.channels_per_axis] = int(value).to_bytes(
+                self.channels_per_axis, "big"
             )
-        high, low = divmod(self.controller.universe, 256)
-        rest = DMX_HEADER.pack(VERSION, 0, 0, low, high, len(data))
-        return PACKET_HEADER.pack(NAME, OUTPUT) + rest + data
+        high_byte, low_byte = divmod(self.controller.universe, 256)
+        dmx_header = DMX_HEADER.pack(PROTOCOL_VERSION, 0, 0, low_byte, high_byte, len(data))
+        return PACKET_HEADER.pack(PROTOCOL_ID, DMX_OPCODE) + dmx_header + data
 
     def describe(self, position: Array) -> str:
         """Every axis' first channel with its value."""
-        pairs = zip(self.first, self.channel_values(position), strict=True)
+        pairs = zip(self.first_channels, self.axis_values(position), strict=True)
         return " ".join(f"{first}={value}" for first, value in pairs)
 
 
-def addresses(stand: Stand, controller: Osc) -> tuple[str, ...]:
+def osc_addresses(stand: Stand, controller: Osc) -> tuple[str, ...]:
     """OSC addresses of a stand's axes; ``/NAME`` by default.
 
     Raises:
@@ -163,40 +163,40 @@ def addresses(stand: Stand, controller: Osc) -> tuple[str, ...]:
     return tuple(addresses)
 
 
-def channels(stand: Stand, controller: ArtNet) -> tuple[int, ...]:
+def dmx_channels(stand: Stand, controller: ArtNet) -> tuple[int, ...]:
     """First DMX channels of a stand's axes, from 1; the first free ones by default.
 
     Raises:
         FileError: a name is not a channel, or two axes overlap.
         StandError: the universe has too few channels.
     """
-    n_channels = controller.bits // 8
-    last = CHANNELS + 1 - n_channels
-    first: dict[str, int] = {}
-    used: set[int] = set()
+    channels_per_axis = controller.bits // 8
+    last_first_channel = CHANNELS_PER_UNIVERSE + 1 - channels_per_axis
+    first_channels: dict[str, int] = {}
+    used_channels: set[int] = set()
     mistakes = []
     for axis, name in controller.names.items():
-        if not str(name).isdecimal() or not 1 <= int(name) <= last:
-            text = f"found {name!r}; needed: a channel, 1 to {last}"
-        elif used & set(range(int(name), int(name) + n_channels)):
-            text = f"found {name!r}; needed: {n_channels} channels of its own"
+        if not str(name).isdecimal() or not 1 <= int(name) <= last_first_channel:
+            text = f"found {name!r}; needed: a channel, 1 to {last_first_channel}"
+        elif used_channels & set(range(int(name), int(name) + channels_per_axis)):
+            text = f"found {name!r}; needed: {channels_per_axis} channels of its own"
         else:
-            first[axis] = int(name)
-            used |= set(range(int(name), int(name) + n_channels))
+            first_channels[axis] = int(name)
+            used_channels |= set(range(int(name), int(name) + channels_per_axis))
             continue
         mistakes.append((("controller", "names", axis), text))
     stand.refuse([*mistakes])
     channel = 1
     for axis in stand.axes:
-        if axis in first:
+        if axis in first_channels:
             continue
-        while used & set(range(channel, channel + n_channels)):
+        while used_channels & set(range(channel, channel + channels_per_axis)):
             channel += 1
-        first[axis] = channel
-        channel += n_channels
-    if max(first.values()) > last:
+        first_channels[axis] = channel
+        channel += channels_per_axis
+    if max(first_channels.values()) > last_first_channel:
         raise StandError(
-            f"a universe has {CHANNELS} channels, too few for {len(first)} axes of "
-            f"{n_channels}; needed: bits: 8, or fewer axes"
+            f"a universe has {CHANNELS_PER_UNIVERSE} channels, too few for {len(first_channels)} "
+            f"axes of {channels_per_axis}; needed: bits: 8, or fewer axes"
         )
-    return tuple(first[axis] for axis in stand.axes)
+    return tuple(first_channels[axis] for axis in stand.axes)

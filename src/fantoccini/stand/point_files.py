@@ -13,10 +13,10 @@ import numpy as np
 from fantoccini.base import StandError, replacing
 from fantoccini.base.documents import yaml_of
 from fantoccini.stand.controllers import Dynamixel, Klipper, ODrive, Ros2
-from fantoccini.stand.gcode_text import gcode, macro
+from fantoccini.stand.gcode_text import gcode, klipper_macro
 from fantoccini.stand.points import SetPoints
 
-ENDINGS = (".csv", ".gcode", ".nc", ".cfg", ".json", ".yaml", ".yml")
+SET_POINT_SUFFIXES = (".csv", ".gcode", ".nc", ".cfg", ".json", ".yaml", ".yml")
 """Endings of files that can be written."""
 DYNAMIXEL_CENTRE, COUNTS_PER_TURN = 2048, 4096
 """Counts of a Dynamixel at position 0, and per turn."""
@@ -29,18 +29,18 @@ def save_points(points: SetPoints, path: str | os.PathLike[str]) -> Path:
         StandError: the controller does not read such a file, or cannot keep the times.
     """
     path = Path(path)
-    ending = path.suffix.lower()
-    if ending == ".csv":
-        text = table(points)
-    elif ending in (".json", ".yaml", ".yml"):
-        text = _trajectory_text(points, ending)
-    elif ending in (".gcode", ".nc"):
+    suffix = path.suffix.lower()
+    if suffix == ".csv":
+        text = csv_text(points)
+    elif suffix in (".json", ".yaml", ".yml"):
+        text = _trajectory_text(points, suffix)
+    elif suffix in (".gcode", ".nc"):
         text = gcode(points)
-    elif ending == ".cfg" and isinstance(points.controller, Klipper):
-        text = macro(gcode(points), "FANTOCCINI")
+    elif suffix == ".cfg" and isinstance(points.controller, Klipper):
+        text = klipper_macro(gcode(points), "FANTOCCINI")
     else:
         raise StandError(
-            f"{path}: no set points for {points.controller.type} end in {ending!r}; allowed: "
+            f"{path}: no set points for {points.controller.type} end in {suffix!r}; allowed: "
             ".csv, .gcode and .nc, .json and .yaml (ROS 2), .cfg (klipper)"
         )
     with replacing(path) as temporary:
@@ -48,12 +48,12 @@ def save_points(points: SetPoints, path: str | os.PathLike[str]) -> Path:
     return path
 
 
-def table(points: SetPoints) -> str:
+def csv_text(points: SetPoints) -> str:
     """CSV text: time, then every axis, in the controller's units.
 
     ODrive: turns of the motor and turns per second; Dynamixel: counts; others: [m or rad].
     """
-    motion, controller, axes = points.whole(), points.controller, points.axes
+    motion, controller, axes = points.complete_motion(), points.controller, points.axes
     names = [str(controller.names.get(axis.name, axis.name)) for axis in axes]
     for name in names:
         if "," in name or '"' in name:
@@ -82,7 +82,7 @@ def table(points: SetPoints) -> str:
 
 def joint_trajectory(points: SetPoints) -> dict[str, Any]:
     """The fields of a ROS 2 ``trajectory_msgs/JointTrajectory``."""
-    motion, controller = points.whole(), points.controller
+    motion, controller = points.complete_motion(), points.controller
     rows = zip(motion.t, motion.position, motion.velocity, motion.acceleration, strict=True)
     return {
         "header": {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": ""},
@@ -93,23 +93,23 @@ def joint_trajectory(points: SetPoints) -> dict[str, Any]:
                 "velocities": v.tolist(),
                 "accelerations": a.tolist(),
                 "effort": [],
-                "time_from_start": _stamp(float(t)),
+                "time_from_start": _time_fields(float(t)),
             }
             for t, p, v, a in rows
         ],
     }
 
 
-def _trajectory_text(points: SetPoints, ending: str) -> str:
+def _trajectory_text(points: SetPoints, suffix: str) -> str:
     if not isinstance(points.controller, Ros2):
         raise StandError(
-            f"{ending} is a ROS 2 JointTrajectory, and the controller is "
+            f"{suffix} is a ROS 2 JointTrajectory, and the controller is "
             f"{points.controller.type}; needed: --controller ros2, or another ending"
         )
     data = joint_trajectory(points)
-    return json.dumps(data, indent=1) + "\n" if ending == ".json" else yaml_of(data)
+    return json.dumps(data, indent=1) + "\n" if suffix == ".json" else yaml_of(data)
 
 
-def _stamp(t: float) -> dict[str, int]:
+def _time_fields(t: float) -> dict[str, int]:
     nanoseconds = round(t * 1e9)
     return {"sec": nanoseconds // 10**9, "nanosec": nanoseconds % 10**9}

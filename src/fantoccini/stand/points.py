@@ -37,7 +37,7 @@ RAMP_TIME_FACTOR = 2.0
 their largest speed."""
 PULL_OFF_DISTANCE = 0.002
 """Distance from the switch after homing and when parked [m or rad]."""
-TYPES = (
+CONTROLLER_TYPES = (
     "grbl",
     "fluidnc",
     "klipper",
@@ -110,8 +110,8 @@ class SetPoints:
             return {"": self}
         maps = {name: self.map.part(stand) for name, stand in self.map.stand.parts.items()}
         return {
-            name: dataclasses.replace(self, map=bound, motion=self.motion.of_axes(bound.axes))
-            for name, bound in maps.items()
+            name: dataclasses.replace(self, map=axis_map, motion=self.motion.of_axes(axis_map.axes))
+            for name, axis_map in maps.items()
         }
 
     @property
@@ -160,7 +160,7 @@ class SetPoints:
         """Parking positions (n,) of the axes; None without parking."""
         return self.home_position() if self.park else None
 
-    def whole(self) -> AxisMotion:
+    def complete_motion(self) -> AxisMotion:
         """The motion together with smooth moves before and after it, from t = 0 on.
 
         Raises:
@@ -171,22 +171,22 @@ class SetPoints:
                 f"homing is not part of set points for {self.controller.type}: let the controller "
                 "do it, and leave out --home"
             )
-        parts, m = [], self.motion
-        legs = self.targets_before()
-        for first, last in zip(legs[-1:] + legs[:-1], legs, strict=True):
-            parts.append(self._leg(first, last))
-        parts.append((m.t, m.position, m.velocity, m.acceleration))
-        park = self.target_after()
-        if park is not None:
-            parts.append(self._leg(m.position[-1], park))
-        t, rows = parts[0][0], [list(parts[0][1:])]
-        for part in parts[1:]:
-            t = np.append(t, t[-1] + part[0][1:])
-            rows.append([values[1:] for values in part[1:]])
+        pieces, m = [], self.motion
+        targets = self.targets_before()
+        for start, end in zip(targets[-1:] + targets[:-1], targets, strict=True):
+            pieces.append(self._smooth_move(start, end))
+        pieces.append((m.t, m.position, m.velocity, m.acceleration))
+        parking_position = self.target_after()
+        if parking_position is not None:
+            pieces.append(self._smooth_move(m.position[-1], parking_position))
+        t, rows = pieces[0][0], [list(pieces[0][1:])]
+        for piece in pieces[1:]:
+            t = np.append(t, t[-1] + piece[0][1:])
+            rows.append([values[1:] for values in piece[1:]])
         p, v, a = (np.vstack([row[i] for row in rows]) for i in range(3))
         return AxisMotion(self.axes, t, p, v, a)
 
-    def _leg(self, first: Array, last: Array) -> tuple[Array, Array, Array, Array]:
+    def _smooth_move(self, first: Array, last: Array) -> tuple[Array, Array, Array, Array]:
         """A smooth move from rest to rest, sampled at the points' rate."""
         distance = np.abs(last - first)
         speed = SLOW_SPEED_SHARE * np.array([axis.file.speed for axis in self.axes])
@@ -236,8 +236,8 @@ def set_points(
     """
     if not isinstance(stand, Stand):
         stand = load_stand(stand)
-    chosen = controlled(stand, controller)
-    rate = getattr(chosen.controller, "rate", GCODE_RATE) if rate is None else rate
+    chosen_stand = with_controller(stand, controller)
+    rate = getattr(chosen_stand.controller, "rate", GCODE_RATE) if rate is None else rate
     if not 1.0 <= rate <= 10_000.0:
         raise ValueError(f"rate: found {rate:g}; needed: 1 to 10000 set points per second")
     if not 0.0 <= slack <= 1.0:
@@ -252,11 +252,17 @@ def set_points(
     t = np.arange(n + 1) / rate
     if run.duration - t[-1] > 1e-6:
         t = np.append(t, run.duration)
-    bound = AxisMap.of(chosen, run.coordinates)
-    moved = bound.motion_of(run, run.t[0] + t)
-    motion = AxisMotion(moved.axes, t, moved.position, moved.velocity, moved.acceleration)
+    axis_map = AxisMap.from_stand(chosen_stand, run.coordinates)
+    sampled_motion = axis_map.motion_of(run, run.t[0] + t)
+    motion = AxisMotion(
+        sampled_motion.axes,
+        t,
+        sampled_motion.position,
+        sampled_motion.velocity,
+        sampled_motion.acceleration,
+    )
     warning = "" if check.ok else check.summary()
-    points = SetPoints(bound, rate, motion, home, slack, park, warning=warning)
+    points = SetPoints(axis_map, rate, motion, home, slack, park, warning=warning)
     _check_sequences(stand, points)
     return points
 
@@ -267,33 +273,33 @@ def _check_sequences(stand: Stand, points: SetPoints) -> None:
     if (points.home or points.park) and without_home:
         text = f"this key is missing; homing and parking need it for every axis ({without_home[0]})"
         stand.refuse([(("axes", without_home[0], "home"), text)])
-    for leg in points.targets_before():
+    for target in points.targets_before():
         for k, axis in enumerate(points.axes):
             low, high = axis.travel
-            if points.slack and not low <= leg[k] <= high:
+            if points.slack and not low <= target[k] <= high:
                 raise StandError(
-                    f"{axis.name} would go to {leg[k]:.4g} {axis.unit} to let out slack of "
+                    f"{axis.name} would go to {target[k]:.4g} {axis.unit} to let out slack of "
                     f"{points.slack:g} m, but its travel is {low:g} to {high:g}"
                 )
 
 
-def controlled(stand: Stand, kind: str | None = None) -> Stand:
+def with_controller(stand: Stand, kind: str | None = None) -> Stand:
     """The stand with its own controllers, or with one of another kind with its default values.
 
     Raises:
         FileError: the stand has no controller, or there is no such kind.
         StandError: controllers of that kind move fewer axes.
     """
-    own = [part.controller for part in stand.parts.values()]
-    if kind is None and own == [None]:
+    controllers = [part.controller for part in stand.parts.values()]
+    if kind is None and controllers == [None]:
         text = "this key is missing: it names the controller; or give --controller"
         stand.refuse([(("controller",), text)])
     if kind is None or all(
-        controller is not None and controller.type == kind for controller in own
+        controller is not None and controller.type == kind for controller in controllers
     ):
         return stand
-    if kind not in TYPES:
-        text = f"found {kind!r}{nearest(kind, TYPES)}"
+    if kind not in CONTROLLER_TYPES:
+        text = f"found {kind!r}{nearest(kind, CONTROLLER_TYPES)}"
         raise FileError([Mistake("--controller", None, "", text)])
     if reason := too_many_axes(kind, len(stand.axes)):
         raise StandError(reason)

@@ -14,16 +14,16 @@ from fantoccini.stand.controllers import ArtNet, Osc
 from fantoccini.stand.gcode_text import gcode_units
 from fantoccini.stand.packets import (
     DMX_HEADER,
-    NAME,
-    OUTPUT,
+    DMX_OPCODE,
     PACKET_HEADER,
-    ArtNetPackets,
-    addresses,
-    channels,
+    PROTOCOL_ID,
+    ArtNetEncoder,
+    dmx_channels,
+    osc_addresses,
 )
 from fantoccini.stand.stand_file import Stand
 
-WATCHDOG = 0.5
+WATCHDOG_TIMEOUT = 0.5
 """Time without packets after which the watchdog stops the motors [s]."""
 MAX_DATAGRAM = 65_536
 """Largest size of a datagram [bytes]."""
@@ -41,7 +41,7 @@ class Receiver:
 
     Attributes:
         address: the address it listens on.
-        wrong: number of packets that could not be read.
+        n_unreadable: number of packets that could not be read.
         stops: number of times the watchdog stopped the motors.
 
     Raises:
@@ -53,7 +53,7 @@ class Receiver:
     def __init__(
         self, stand: Stand, controller: Any, host: str | None = None, port: int | None = None
     ):
-        self._read = _reader(stand, controller)
+        self._reader = _packet_reader(stand, controller)
         axes = axes_of(stand)
         self._counts, self._scale = np.array([a.counts_per_unit for a in axes]), gcode_units(axes)
         endpoint = (host or controller.host, controller.port if port is None else port)
@@ -63,7 +63,7 @@ class Receiver:
             raise StandError(str(error)) from None
         self._socket.settimeout(STOP_CHECK_INTERVAL)
         self.address: tuple[str, int] = self._socket.getsockname()[:2]
-        self.wrong = self.stops = 0
+        self.n_unreadable = self.stops = 0
         self._received: list[tuple[float, Array]] = []
         self._moving = False
         self._end = threading.Event()
@@ -93,7 +93,7 @@ class Receiver:
     @property
     def t(self) -> Times:
         """(T,) arrival times of the packets, from the first one on [s]."""
-        return np.array([when - self._received[0][0] for when, _ in self._received])
+        return np.array([arrival - self._received[0][0] for arrival, _ in self._received])
 
     @property
     def steps(self) -> Array:
@@ -102,31 +102,31 @@ class Receiver:
 
     def positions(self, t: Times) -> Array:
         """(T, n) motor positions [mm or deg]: whole steps, linear in time between packets."""
-        at = self.steps / self._counts * self._scale
-        return np.stack([np.interp(t, self.t, x) for x in at.T], axis=-1)
+        positions = self.steps / self._counts * self._scale
+        return np.stack([np.interp(t, self.t, x) for x in positions.T], axis=-1)
 
     def _serve(self) -> None:
-        last = time.monotonic()
+        last_packet_time = time.monotonic()
         while not self._end.is_set():
-            if self._moving and time.monotonic() - last > WATCHDOG:
+            if self._moving and time.monotonic() - last_packet_time > WATCHDOG_TIMEOUT:
                 self._moving = False
                 self.stops += 1
             try:
                 data = self._socket.recv(MAX_DATAGRAM)
             except OSError:
                 continue
-            position = self._read.position(data)
+            position = self._reader.position(data)
             if position is None:
-                self.wrong += 1
+                self.n_unreadable += 1
                 continue
-            last = time.monotonic()
-            self._received.append((last, position))
+            last_packet_time = time.monotonic()
+            self._received.append((last_packet_time, position))
             self._moving = True
 
 
-def _reader(stand: Stand, controller: Any) -> _OscReader | _ArtNetReader:
+def _packet_reader(stand: Stand, controller: Any) -> _OscReader | _ArtNetReader:
     if isinstance(controller, Osc):
-        return _OscReader(addresses(stand, controller))
+        return _OscReader(osc_addresses(stand, controller))
     if isinstance(controller, ArtNet):
         return _ArtNetReader(stand, controller)
     raise StandError(
@@ -153,18 +153,21 @@ class _OscReader:
 
 class _ArtNetReader:
     def __init__(self, stand: Stand, controller: ArtNet):
-        self._packets = ArtNetPackets(axes_of(stand), channels(stand, controller), controller)
+        self._encoder = ArtNetEncoder(axes_of(stand), dmx_channels(stand, controller), controller)
         self._universe = controller.universe
 
     def position(self, data: bytes) -> Array | None:
         """(n,) positions in a packet; None if it cannot be read or is for another universe."""
         size = PACKET_HEADER.size + DMX_HEADER.size
-        if len(data) < size or PACKET_HEADER.unpack_from(data) != (NAME, OUTPUT):
+        if len(data) < size or PACKET_HEADER.unpack_from(data) != (PROTOCOL_ID, DMX_OPCODE):
             return None
-        _, _, _, low, high, length = DMX_HEADER.unpack_from(data, PACKET_HEADER.size)
-        slots, first = data[size : size + length], self._packets.first
-        n_channels = self._packets.n_channels
-        if 256 * high + low != self._universe or len(slots) < max(first) + n_channels - 1:
+        _, _, _, low_byte, high_byte, length = DMX_HEADER.unpack_from(data, PACKET_HEADER.size)
+        dmx_data, first = data[size : size + length], self._encoder.first_channels
+        n_channels = self._encoder.channels_per_axis
+        if (
+            256 * high_byte + low_byte != self._universe
+            or len(dmx_data) < max(first) + n_channels - 1
+        ):
             return None
-        values = [int.from_bytes(slots[k - 1 : k - 1 + n_channels], "big") for k in first]
-        return self._packets.positions(np.array(values))
+        values = [int.from_bytes(dmx_data[k - 1 : k - 1 + n_channels], "big") for k in first]
+        return self._encoder.positions(np.array(values))

@@ -18,8 +18,8 @@ from scipy.interpolate import CubicHermiteSpline
 from fantoccini.base import StandError
 from fantoccini.stand.axes import AxisMotion
 from fantoccini.stand.points import SetPoints
-from fantoccini.stand.sending import check_first
-from fantoccini.stand.streaming import Line, lines_of
+from fantoccini.stand.sending import check_start_time
+from fantoccini.stand.streaming import Line, gcode_lines
 
 RETURN_FEED = 600.0
 """Feed of the move to the position at which a stream resumes [mm/min]."""
@@ -29,12 +29,12 @@ SHORTEST_INTERVAL = 1e-6
 _WORD = re.compile(r"([A-Z])(-?[\d.]+)")
 
 
-def first_lost(text: str, last: int, planner: int) -> int:
+def first_lost_line(text: str, last: int, planner: int) -> int:
     """Number of the first line that a reset may have lost, if ``last`` was acknowledged last.
 
     Acknowledged moves wait in the controller's planner; only a dwell guarantees that all were made.
     """
-    acknowledged = [line for line in lines_of(text) if line.number <= last]
+    acknowledged = [line for line in gcode_lines(text) if line.number <= last]
     first = last
     for line in reversed(acknowledged[-planner:]):
         if not line.text.startswith(("G1", "X")):
@@ -43,7 +43,7 @@ def first_lost(text: str, last: int, planner: int) -> int:
     return first
 
 
-def resumed(text: str, first: int, feed: float = RETURN_FEED) -> list[Line]:
+def resume_lines(text: str, first: int, feed: float = RETURN_FEED) -> list[Line]:
     """The lines from number ``first`` on, after lines that restore the controller's state.
 
     The controller must still know its axes' positions. The modes are set again, and the axes move
@@ -57,9 +57,9 @@ def resumed(text: str, first: int, feed: float = RETURN_FEED) -> list[Line]:
     Raises:
         StandError: there is no such line.
     """
-    lines = lines_of(text)
-    rest = [line for line in lines if line.number >= first]
-    if not rest:
+    lines = gcode_lines(text)
+    remaining_lines = [line for line in lines if line.number >= first]
+    if not remaining_lines:
         raise StandError(
             f"there is no line {first} to continue from; the last is {lines[-1].number}"
         )
@@ -77,10 +77,10 @@ def resumed(text: str, first: int, feed: float = RETURN_FEED) -> list[Line]:
     preamble = ["G21", "G90", "G94"]
     if words:
         preamble += [f"G1{words}F{feed:g}", "G4P0.1"]
-    return [*(Line(first, text) for text in [*preamble, mode]), *rest]
+    return [*(Line(first, text) for text in [*preamble, mode]), *remaining_lines]
 
 
-def resumed_points(points: SetPoints, t: float) -> SetPoints:
+def resume_points(points: SetPoints, t: float) -> SetPoints:
     """The set points from time t on [s], from rest, without homing and slack.
 
     Raises:
@@ -88,10 +88,14 @@ def resumed_points(points: SetPoints, t: float) -> SetPoints:
     """
     motion = points.motion
     end = float(motion.t[-1])
-    check_first(t, end)
+    check_start_time(t, end)
     ramp = points.ramp_time
-    rest = end - t
-    duration = float(np.sqrt(2.0 * ramp * rest)) if rest < 0.5 * ramp else rest + 0.5 * ramp
+    remaining_time = end - t
+    duration = (
+        float(np.sqrt(2.0 * ramp * remaining_time))
+        if remaining_time < 0.5 * ramp
+        else remaining_time + 0.5 * ramp
+    )
     tau = np.arange(0.0, duration - SHORTEST_INTERVAL, 1.0 / points.rate)
     tau = np.append(tau, duration)
     rate = np.minimum(tau / ramp, 1.0)
@@ -99,8 +103,8 @@ def resumed_points(points: SetPoints, t: float) -> SetPoints:
     s[-1] = end
     path = CubicHermiteSpline(motion.t, motion.position, motion.velocity)
     derivative, second_derivative = path(s, 1), path(s, 2)
-    rising = np.where(tau < ramp, 1.0 / ramp, 0.0)[:, None]
-    acceleration = second_derivative * rate[:, None] ** 2 + derivative * rising
+    rate_change = np.where(tau < ramp, 1.0 / ramp, 0.0)[:, None]
+    acceleration = second_derivative * rate[:, None] ** 2 + derivative * rate_change
     resumed_motion = AxisMotion(points.axes, tau, path(s), derivative * rate[:, None], acceleration)
     return dataclasses.replace(points, motion=resumed_motion, home=False, slack=0.0, resumed=s)
 

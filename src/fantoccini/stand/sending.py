@@ -24,7 +24,7 @@ from fantoccini.base import (
     StandError,
     socket_to,
 )
-from fantoccini.stand.packets import packets_of
+from fantoccini.stand.packets import packet_encoder
 from fantoccini.stand.points import SetPoints
 from fantoccini.stand.streaming import STOPPED
 
@@ -38,7 +38,7 @@ Send = Callable[[bytes], object]
 
 
 @dataclass
-class Sending:
+class SendCounts:
     """Progress and delays of set points sent over a network.
 
     Attributes:
@@ -77,10 +77,10 @@ def send_points(
     *,
     first: float = 0.0,
     hold: threading.Event | None = None,
-    should_resume: Callable[[Sending], bool] | None = None,
-    counts: Sending | None = None,
+    should_resume: Callable[[SendCounts], bool] | None = None,
+    counts: SendCounts | None = None,
     max_delay: float | None = None,
-) -> Sending:
+) -> SendCounts:
     """Sends set points as packets, and returns when the last one was due.
 
     A set point is left out if its successor is due already; packets are never sent in bunches.
@@ -102,16 +102,16 @@ def send_points(
         StandError, FileError: see :func:`packets_of`; or ``first`` is not within the motion.
     """
     sender = Sender(
-        points, send, counts or Sending(), MAX_DELAY if max_delay is None else max_delay
+        points, send, counts or SendCounts(), MAX_DELAY if max_delay is None else max_delay
     )
-    check_first(first, sender.end)
+    check_start_time(first, sender.end)
     sender.repeat(first)
     sender.follow(first, hold or threading.Event(), should_resume, from_rest=first > 0.0)
     sender.repeat(sender.end)
     return sender.counts
 
 
-def check_first(first: float, end: float) -> None:
+def check_start_time(first: float, end: float) -> None:
     """Raises a StandError unless 0 <= first < end [s]."""
     if not 0.0 <= first < end:
         raise StandError(f"found {first:g} s to continue from; the set points last {end:g} s")
@@ -120,9 +120,9 @@ def check_first(first: float, end: float) -> None:
 class Sender:
     """Sender of one stream of set points."""
 
-    def __init__(self, points: SetPoints, send: Send, counts: Sending, max_delay: float):
-        motion = points.whole()
-        self.packets = packets_of(points.map.stand, points.controller, points.rate)
+    def __init__(self, points: SetPoints, send: Send, counts: SendCounts, max_delay: float):
+        motion = points.complete_motion()
+        self.packets = packet_encoder(points.map.stand, points.controller, points.rate)
         self.path = CubicHermiteSpline(motion.t, motion.position, motion.velocity)
         self.end = float(motion.t[-1])
         self.interval = 1.0 / points.rate
@@ -140,7 +140,7 @@ class Sender:
         self,
         t: float,
         hold: threading.Event,
-        should_resume: Callable[[Sending], bool] | None,
+        should_resume: Callable[[SendCounts], bool] | None,
         from_rest: bool,
     ) -> None:
         """Follows the path from a time on, to its end."""
@@ -164,11 +164,11 @@ class Sender:
             if delay > self.max_delay:
                 raise self._too_late(t, delay)
             for remaining in reversed(range(1 + max(0, int(delay / self.interval)))):
-                previous = rate
+                previous_rate = rate
                 rate += float(np.clip(target_rate - rate, -max_change, max_change))
-                step, rest = 0.5 * (previous + rate) * self.interval, self.end - t
-                self.due += self.interval * (min(1.0, rest / step) if step else 1.0)
-                if rest <= step + 1e-6 * self.interval:
+                step, remaining_time = 0.5 * (previous_rate + rate) * self.interval, self.end - t
+                self.due += self.interval * (min(1.0, remaining_time / step) if step else 1.0)
+                if remaining_time <= step + 1e-6 * self.interval:
                     t = self.end
                     break
                 t += step
@@ -194,18 +194,18 @@ class Sender:
             raise PacketError(self.counts.t, f"not sent: {error.strerror or error}") from None
         self.counts.sent += 1
 
-    def _wait_in_hold(self, should_resume: Callable[[Sending], bool] | None) -> None:
+    def _wait_in_hold(self, should_resume: Callable[[SendCounts], bool] | None) -> None:
         """Calls ``should_resume``, and repeats the held position meanwhile.
 
         Raises:
             PacketError: the stream is not to resume, or the receiver has disappeared.
         """
-        released = threading.Event()
+        hold_ended = threading.Event()
         errors: list[PacketError] = []
         position = self.path(self.counts.t)
 
         def repeat_position() -> None:
-            while not released.wait(self.interval):
+            while not hold_ended.wait(self.interval):
                 try:
                     self._send(position, time.monotonic())
                 except PacketError as error:
@@ -216,13 +216,13 @@ class Sender:
         thread = threading.Thread(target=repeat_position, name="held", daemon=True)
         thread.start()
         try:
-            resumes = should_resume is not None and should_resume(self.counts)
+            is_resumed = should_resume is not None and should_resume(self.counts)
         finally:
-            released.set()
+            hold_ended.set()
             thread.join()
         if errors:
             raise errors[0]
-        if not resumes:
+        if not is_resumed:
             raise PacketError(self.counts.t, STOPPED)
         self.due = time.monotonic()
 

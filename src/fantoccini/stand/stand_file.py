@@ -40,7 +40,7 @@ from fantoccini.base.documents import (
     unknown_names,
 )
 from fantoccini.model.puppet import QUANTITIES, named_file
-from fantoccini.stand.axis_rank import undetermined
+from fantoccini.stand.axis_rank import undetermined_axis
 from fantoccini.stand.controllers import (
     LETTERS,
     Controller,
@@ -51,7 +51,7 @@ from fantoccini.stand.controllers import (
 )
 from fantoccini.stand.motors import AxisFriction, Efficiency, Motor, Transmission
 
-STANDS = Path(__file__).parent / "stands"
+BUNDLED_STANDS_FOLDER = Path(__file__).parent / "stands"
 """Folder of the bundled stands."""
 
 NEVER_INHERITED = {"moves", "like", "home", "reversed"}
@@ -62,40 +62,41 @@ MAX_LIKE_CHAIN = 64
 """Longest chain of `like`."""
 
 
-def _nonzero(value: float) -> float:
+def _require_nonzero(value: float) -> float:
     if value == 0.0 or not 1e-6 <= abs(value) <= QUANTITIES["ratio"].max_size:
         raise mistake(f"found {value:g}; needed: a factor that is not 0")
     return value
 
 
-def _ordered(bounds: tuple[float, float]) -> tuple[float, float]:
+def _require_ordered(bounds: tuple[float, float]) -> tuple[float, float]:
     low, high = bounds
     if not low < high:
         raise mistake(f"found [{low:g}, {high:g}]; needed: the lower one first")
     return bounds
 
 
-def _not_empty(moves: dict[str, float]) -> dict[str, float]:
+def _require_nonempty(moves: dict[str, float]) -> dict[str, float]:
     if not moves:
         raise mistake("found nothing; needed: a driven coordinate with its factor, or several")
     return moves
 
 
-def _coordinate(value: Any) -> Any:
+def _require_name(value: Any) -> Any:
     if not isinstance(value, str) or not 0 < len(value) <= 200 or not value.isprintable():
         raise mistake(f"found {shown(value)}; needed: the name of a driven coordinate")
     return value
 
 
-Coordinate = Annotated[str, BeforeValidator(_coordinate), WithJsonSchema({"type": "string"})]
+Coordinate = Annotated[str, BeforeValidator(_require_name), WithJsonSchema({"type": "string"})]
 Moves = Annotated[
-    dict[Coordinate, Annotated[Real, AfterValidator(_nonzero)]], AfterValidator(_not_empty)
+    dict[Coordinate, Annotated[Real, AfterValidator(_require_nonzero)]],
+    AfterValidator(_require_nonempty),
 ]
 Travel = Annotated[
     tuple[Angle, Angle],
     sized(2),
     SIZED,
-    AfterValidator(_ordered),
+    AfterValidator(_require_ordered),
     WithJsonSchema(
         {"type": "array", "items": {"type": ["number", "string"]}, "minItems": 2, "maxItems": 2}
     ),
@@ -148,7 +149,7 @@ class AxisFile(Model):
 class Stand(Document):
     """The contents of a stand file; every axis has its motor, transmission and bounds."""
 
-    kind: ClassVar = Kind("stand", "a stand has the keys `stand` and `axes`", STANDS)
+    kind: ClassVar = Kind("stand", "a stand has the keys `stand` and `axes`", BUNDLED_STANDS_FOLDER)
 
     stand: Name
     """The stand's name."""
@@ -183,7 +184,7 @@ class Stand(Document):
             if not low <= axis.home.at <= high:
                 text = f"needed: a position within travel, {low:g} to {high:g}"
                 mistakes.append(((name, "home", "at"), f"found {axis.home.at:g}; {text}"))
-        dependent = undetermined({name: axis.moves for name, axis in complete.items()})
+        dependent = undetermined_axis({name: axis.moves for name, axis in complete.items()})
         if dependent is not None:
             mistakes.append(((dependent[0], "moves"), dependent[1]))
         refuse(mistakes)
@@ -253,23 +254,25 @@ class Stand(Document):
 
 def _inherit(axes: Mapping[str, AxisFile], name: str, mistakes: list[Finding]) -> AxisFile:
     """An axis with the keys that it inherits through `like`; appends mistakes to the list."""
-    axis, inherited, seen = axes[name], dict[str, Any](), [name]
-    other = axis
-    while other.like is not None:
-        like = other.like
+    axis, inherited, visited = axes[name], dict[str, Any](), [name]
+    ancestor = axis
+    while ancestor.like is not None:
+        like = ancestor.like
         if like not in axes:
-            others = [key for key in axes if key != name]
-            mistakes.append(((name, "like"), f"there is no axis {like!r}{nearest(like, others)}"))
+            other_axes = [key for key in axes if key != name]
+            mistakes.append(
+                ((name, "like"), f"there is no axis {like!r}{nearest(like, other_axes)}")
+            )
             break
-        if like in seen or len(seen) > MAX_LIKE_CHAIN:
+        if like in visited or len(visited) > MAX_LIKE_CHAIN:
             mistakes.append(((name, "like"), f"{shown(name)} would inherit from itself"))
             break
-        seen.append(like)
-        other = axes[like]
-        keys = other.model_fields_set - NEVER_INHERITED
-        inherited = {key: getattr(other, key) for key in keys} | inherited
-    written = axis.model_fields_set
-    return axis.model_copy(update={k: v for k, v in inherited.items() if k not in written})
+        visited.append(like)
+        ancestor = axes[like]
+        keys = ancestor.model_fields_set - NEVER_INHERITED
+        inherited = {key: getattr(ancestor, key) for key in keys} | inherited
+    own_keys = axis.model_fields_set
+    return axis.model_copy(update={k: v for k, v in inherited.items() if k not in own_keys})
 
 
 def _sharing_mistakes(stand: Stand) -> Iterator[Finding]:
@@ -282,16 +285,16 @@ def _sharing_mistakes(stand: Stand) -> Iterator[Finding]:
     owners = Counter(axis for part in stand.controllers.values() for axis in part.axes)
     ports = Counter(part.port for part in stand.controllers.values() if part.port is not None)
     for name, part in stand.controllers.items():
-        at = ("controllers", name)
+        key_path = ("controllers", name)
         for i, axis in enumerate(part.axes):
             if axis not in stand.axes:
                 text = f"there is no axis {shown(axis)}{nearest(axis, stand.axes)}"
-                yield (*at, "axes", i), text
+                yield (*key_path, "axes", i), text
             elif owners[axis] > 1:
-                yield (*at, "axes", i), f"found {axis!r} twice; needed: one controller for it"
+                yield (*key_path, "axes", i), f"found {axis!r} twice; needed: one controller for it"
         if part.port is not None and ports[part.port] > 1:
             text = f"found {part.port!r} twice; needed: one port for each controller"
-            yield (*at, "port"), text
+            yield (*key_path, "port"), text
     for axis in stand.axes:
         if not owners[axis]:
             text = f"no controller has the axis {axis!r}; needed: each axis in the `axes` of one"
@@ -299,17 +302,17 @@ def _sharing_mistakes(stand: Stand) -> Iterator[Finding]:
 
 
 def _controller_mistakes(
-    controller: ControllerBase, axes: tuple[str, ...], at: tuple[str, ...]
+    controller: ControllerBase, axes: tuple[str, ...], key_path: tuple[str, ...]
 ) -> list[Finding]:
     """Mistakes of a controller with respect to its axes: too many, or with wrong names."""
-    mistakes = [*unknown_names(controller.names, axes, "there is no axis {}", (*at, "names"))]
+    mistakes = [*unknown_names(controller.names, axes, "there is no axis {}", (*key_path, "names"))]
     kind: str = getattr(controller, "type", "")
     if reason := too_many_axes(kind, len(axes)):
-        mistakes.append((at, reason))
+        mistakes.append((key_path, reason))
     if kind not in LETTERS or mistakes:
         return mistakes
-    _, wrong = axis_letters(controller, kind, axes)
-    return [((*at, "names", axis), text) for axis, text in wrong.items()]
+    _, mistakes_by_axis = axis_letters(controller, kind, axes)
+    return [((*key_path, "names", axis), text) for axis, text in mistakes_by_axis.items()]
 
 
 def stand_names() -> tuple[str, ...]:

@@ -56,29 +56,29 @@ def lost_steps(
         catch_times: times of catches at which the motor loses synchronism [s].
     """
     excess = demand - available
-    over = np.flatnonzero(excess > 0.0)
-    starts = [*catch_times, *(t[over[:1]])]
+    exceeding = np.flatnonzero(excess > 0.0)
+    starts = [*catch_times, *(t[exceeding[:1]])]
     if not starts:
         return None
-    lost, largest, at = (
+    n_lost, largest_lag, i = (
         STEPS_PER_PERIOD * len(catch_times),
         0.0,
-        int(over[0]) if len(over) else len(t),
+        int(exceeding[0]) if len(exceeding) else len(t),
     )
-    step = 2.0 * math.pi / steps
-    while at < len(t):
-        lag, rate, peak = 0.0, 0.0, 0.0
-        while at + 1 < len(t):
-            dt = t[at + 1] - t[at]
-            acceleration = 0.5 * (excess[at] + excess[at + 1]) / inertia
-            lag += dt * rate + 0.5 * dt * dt * acceleration
-            rate += dt * acceleration
-            at += 1
-            peak = max(peak, lag / step)
-            if rate <= 0.0 and excess[at] <= 0.0:
+    step_angle = 2.0 * math.pi / steps
+    while i < len(t):
+        lag, lag_rate, peak_lag = 0.0, 0.0, 0.0
+        while i + 1 < len(t):
+            dt = t[i + 1] - t[i]
+            acceleration = 0.5 * (excess[i] + excess[i + 1]) / inertia
+            lag += dt * lag_rate + 0.5 * dt * dt * acceleration
+            lag_rate += dt * acceleration
+            i += 1
+            peak_lag = max(peak_lag, lag / step_angle)
+            if lag_rate <= 0.0 and excess[i] <= 0.0:
                 break
-        lost += STEPS_PER_PERIOD * math.floor(peak / STEPS_PER_PERIOD + 0.5)
-        largest = max(largest, peak)
-        next_over = over[over > at]
-        at = int(next_over[0]) if len(next_over) else len(t)
-    return LostSteps(float(min(starts)), lost, largest)
+        n_lost += STEPS_PER_PERIOD * math.floor(peak_lag / STEPS_PER_PERIOD + 0.5)
+        largest_lag = max(largest_lag, peak_lag)
+        next_exceeding = exceeding[exceeding > i]
+        i = int(next_exceeding[0]) if len(next_exceeding) else len(t)
+    return LostSteps(float(min(starts)), n_lost, largest_lag)

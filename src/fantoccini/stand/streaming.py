@@ -21,11 +21,11 @@ from fantoccini.base import MissingLibraryError, OnProgress, Progress, StandErro
 
 HOLD, RESUME, RESET = b"!", b"~", b"\x18"
 """GRBL's one-character commands."""
-SILENCE = 30.0
+MAX_SILENCE = 30.0
 """Longest wait for an answer [s]; dwells and homing take long."""
 STOPPED = "stopped here"
 """Reason of the error when a hold is not followed by a resume."""
-ERRORS = {
+GRBL_ERRORS = {
     1: "a word does not begin with a letter",
     2: "a number is missing or wrong",
     3: "this $ command is not known",
@@ -80,7 +80,7 @@ class Line:
 
 
 @dataclass
-class Streamed:
+class StreamCounts:
     """Progress of a stream.
 
     Attributes:
@@ -95,7 +95,7 @@ class Streamed:
     last_line: int = 0
 
 
-def lines_of(text: str) -> list[Line]:
+def gcode_lines(text: str) -> list[Line]:
     """The lines of a file that are sent: without comments and empty lines."""
     lines = []
     for number, line in enumerate(text.splitlines(), 1):
@@ -135,9 +135,9 @@ class Channel:
         *,
         name: str = "",
         start: int | None = None,
-        counts: Streamed | None = None,
+        counts: StreamCounts | None = None,
     ):
-        self.port, self.name, self.counts = port, name, counts or Streamed()
+        self.port, self.name, self.counts = port, name, counts or StreamCounts()
         self.n_lines, self.last_answer_time = len(lines), time.monotonic()
         self._counting, self._start, self._capacity = counting, start, buffer - 1
         self._unsent, self._unanswered = deque(lines), deque[Line]()
@@ -153,7 +153,7 @@ class Channel:
         return not self._unsent and not self._unanswered
 
     @property
-    def waits(self) -> bool:
+    def is_waiting(self) -> bool:
         """Whether the next line waits for the other controllers."""
         if self._start is None or self._unanswered:
             return False
@@ -186,7 +186,7 @@ class Channel:
         try:
             self._received += self.port.read(self.port.in_waiting)
         except OSError as error:
-            raise self.lost(error) from None
+            raise self.connection_error(error) from None
         *answers, self._received = self._received.split(b"\n")
         for answer in answers:
             self._handle_answer(answer.decode("ascii", "replace").strip())
@@ -201,7 +201,7 @@ class Channel:
         try:
             self.port.write(data)
         except OSError as error:
-            raise self.lost(error) from None
+            raise self.connection_error(error) from None
 
     def check_silence(self, silence: float) -> None:
         """Raises a StreamError if an answer is missing for longer than ``silence`` [s]."""
@@ -213,7 +213,7 @@ class Channel:
         line = (self._unanswered or self._unsent or [Line(self.counts.last_line, "")])[0]
         return StreamError(line.number, line.text, reason, self.name)
 
-    def lost(self, error: OSError) -> StreamError:
+    def connection_error(self, error: OSError) -> StreamError:
         """The error of a lost connection."""
         return self.error(f"the connection is lost: {error.strerror or error}")
 
@@ -222,7 +222,7 @@ class Channel:
             self.last_answer_time = time.monotonic()
         error = _ERROR.match(answer)
         if error:
-            raise self.error(_reason(answer, error))
+            raise self.error(_error_text(answer, error))
         # A late greeting, before the first answer, does not mean a restart.
         if self.counts.acknowledged and _RESTART.match(answer):
             raise self.error(f"the controller restarted and dropped its lines ({answer})")
@@ -241,11 +241,11 @@ def stream(
     counting: bool = True,
     *,
     progress: OnProgress | None = None,
-    silence: float = SILENCE,
-    counts: Streamed | None = None,
+    silence: float = MAX_SILENCE,
+    counts: StreamCounts | None = None,
     hold: threading.Event | None = None,
-    should_resume: Callable[[Streamed], bool] | None = None,
-) -> Streamed:
+    should_resume: Callable[[StreamCounts], bool] | None = None,
+) -> StreamCounts:
     """Sends lines, and returns when the controller has acknowledged them all.
 
     Args:
@@ -268,7 +268,7 @@ def stream_together(
     channels: Sequence[Channel],
     *,
     progress: OnProgress | None = None,
-    silence: float = SILENCE,
+    silence: float = MAX_SILENCE,
     hold: threading.Event | None = None,
     should_resume: Callable[[], bool] | None = None,
 ) -> None:
@@ -301,23 +301,23 @@ def _send_all(
     should_resume: Callable[[], bool] | None,
 ) -> None:
     """Sends all lines; raises a StreamError without stopping the controllers."""
-    total, done, started = sum(channel.n_lines for channel in channels), 0, False
+    total, n_done, started = sum(channel.n_lines for channel in channels), 0, False
     while not all(channel.ended for channel in channels):
         if hold.is_set():
             hold.clear()
             _hold(channels, should_resume)
-        started = started or all(channel.waits or channel.ended for channel in channels)
-        did_something = [channel.send(started) for channel in channels]
-        did_something += [channel.read_answers() for channel in channels]
-        if not any(did_something):
+        started = started or all(channel.is_waiting or channel.ended for channel in channels)
+        progressed = [channel.send(started) for channel in channels]
+        progressed += [channel.read_answers() for channel in channels]
+        if not any(progressed):
             time.sleep(POLL_INTERVAL)
         for channel in channels:
             channel.check_silence(silence)
         acknowledged = sum(channel.counts.acknowledged for channel in channels)
         if progress is not None:
-            for count in range(done + 1, acknowledged + 1):
+            for count in range(n_done + 1, acknowledged + 1):
                 progress(Progress(done=count, total=total))
-        done = acknowledged
+        n_done = acknowledged
 
 
 def _hold(channels: Sequence[Channel], should_resume: Callable[[], bool] | None) -> None:
@@ -346,7 +346,7 @@ def serial_port(name: str, baud: int) -> Iterator[Port]:
     except ImportError:
         raise MissingLibraryError("streaming", "pyserial", "serial") from None
     try:
-        port = serial.Serial(name, baud, timeout=0.1, write_timeout=SILENCE)
+        port = serial.Serial(name, baud, timeout=0.1, write_timeout=MAX_SILENCE)
     except (OSError, ValueError) as error:  # serial.SerialException is an OSError
         code = getattr(error, "errno", None)  # pyserial repeats name and code in its text
         raise StandError(f"cannot open {name}: {os.strerror(code) if code else error}") from None
@@ -367,7 +367,7 @@ def _stop(channels: Sequence[Channel]) -> None:
         time.sleep(pause)
 
 
-def _reason(answer: str, error: re.Match[str]) -> str:
+def _error_text(answer: str, error: re.Match[str]) -> str:
     number = int(error[2]) if error[2] else None
-    meaning = ERRORS.get(number or 0) if error[1].lower() == "error" else None
+    meaning = GRBL_ERRORS.get(number or 0) if error[1].lower() == "error" else None
     return f"{answer}, {meaning}" if meaning else answer

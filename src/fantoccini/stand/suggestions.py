@@ -26,11 +26,11 @@ TORQUE_RESERVE = 1.0 / 0.9
 """Ratio of a suggested motor's torque to the required torque: a tenth of it is kept in reserve."""
 MAX_PEAKS = 3
 """Maximum number of acceleration peaks that are named."""
-MICROSTEPS = (256, 128, 64, 32, 16, 8, 4, 2, 1)
+MICROSTEP_OPTIONS = (256, 128, 64, 32, 16, 8, 4, 2, 1)
 """Microsteps per full step that stepper drivers offer."""
 MOTOR_QUANTITIES = ("step rate", "torque", "catch")
 """Quantities that depend on motor and transmission."""
-ROUNDING = 1e-9
+RELATIVE_ROUNDING = 1e-9
 """Relative rounding error of a number before it is rounded to the safe side."""
 MIN_PEAK_INTERVAL = 0.1
 """Peaks closer than this count as one [s]."""
@@ -44,7 +44,11 @@ def remedies(check: StandCheck) -> tuple[str, ...]:
     """Remedies, one line for each axis with a broken limit."""
     lines = []
     for k, axis in enumerate(check.axes):
-        broken = {name for name, limit in check.of(axis.name).items() if limit.broken is not None}
+        broken = {
+            name
+            for name, limit in check.limits_of_axis(axis.name).items()
+            if limit.broken is not None
+        }
         texts = []
         if "travel" in broken:
             texts.append(_travel_text(check, axis, k))
@@ -59,7 +63,7 @@ def remedies(check: StandCheck) -> tuple[str, ...]:
     return tuple(lines)
 
 
-def lost_lines(check: StandCheck) -> tuple[str, ...]:
+def lost_step_lines(check: StandCheck) -> tuple[str, ...]:
     """Sentences about lost steps, one for each stepper that loses some."""
     lines = []
     for name, lost in check.lost.items():
@@ -79,7 +83,7 @@ def _travel_text(check: StandCheck, axis: Axis, k: int) -> str:
 
 
 def _speed_text(check: StandCheck, axis: Axis) -> str:
-    limit = check.of(axis.name)["speed"]
+    limit = check.limits_of_axis(axis.name)["speed"]
     return (
         f"a top speed of {_round_up(limit.value)} {limit.unit}, or a motion that takes at least "
         f"{_round_up(limit.value / limit.bound)} times as long"
@@ -87,8 +91,8 @@ def _speed_text(check: StandCheck, axis: Axis) -> str:
 
 
 def _smoother_text(check: StandCheck, axis: Axis, k: int) -> str:
-    limit = check.of(axis.name)["acceleration"]
-    peaks = peaks_of(check.motion.t, np.abs(check.motion.acceleration[:, k]))
+    limit = check.limits_of_axis(axis.name)["acceleration"]
+    peaks = largest_peaks(check.motion.t, np.abs(check.motion.acceleration[:, k]))
     times = ", ".join(f"{t:.2f} s ({height:.3g} {limit.unit})" for t, height in peaks)
     return (
         f"smoother inputs where its acceleration peaks, at {times}; {limit.bound:g} "
@@ -99,7 +103,7 @@ def _smoother_text(check: StandCheck, axis: Axis, k: int) -> str:
 
 def _motor_remedies(check: StandCheck, axis: Axis, k: int, broken: set[str]) -> list[str]:
     """Demands on the motor and the controller, and other transmissions that meet them."""
-    limits = check.of(axis.name)
+    limits = check.limits_of_axis(axis.name)
     texts = []
     if "step rate" in broken:
         texts.append(f"a controller that generates {_round_up(limits['step rate'].value)} steps/s")
@@ -107,30 +111,30 @@ def _motor_remedies(check: StandCheck, axis: Axis, k: int, broken: set[str]) -> 
         texts.append(_stronger_motor(check, axis, k))
     if "catch" in broken:
         texts.append(_catch_text(check, axis))
-    alternatives = _alternatives(check, axis, k)
+    alternatives = _alternative_texts(check, axis, k)
     texts += [f"or {text}" for text in alternatives]
     if "torque" in broken:
         if not alternatives:
-            texts.append(f"no {CHANGED_PARTS[axis.transmission.type]} makes this motor suffice")
+            texts.append(f"no {VARIED_PARTS[axis.transmission.type]} makes this motor suffice")
         texts += _inertia_text(check, axis, k)
     return texts
 
 
 def _stronger_motor(check: StandCheck, axis: Axis, k: int) -> str:
-    demand, available = check.judged[:, k], check.available[:, k]
-    worst, largest = _worst(check, k), int(np.argmax(demand))
+    demand, available = check.checked_torque[:, k], check.available[:, k]
+    worst, largest = _worst_sample(check, k), int(np.argmax(demand))
     text = f"a motor with {_torque_text(check, axis, k, worst)}"
     if available[worst] > 0.0:
         factor = _round_up(demand[worst] / available[worst] * TORQUE_RESERVE, 3)
         text += f", {factor} times its torque at that speed"
-    if demand[largest] > demand[worst] * (1.0 + ROUNDING):
+    if demand[largest] > demand[worst] * (1.0 + RELATIVE_ROUNDING):
         text += f", and {_torque_text(check, axis, k, largest)}"
     return f"{text} (with a tenth in reserve)"
 
 
-def _worst(check: StandCheck, k: int) -> int:
+def _worst_sample(check: StandCheck, k: int) -> int:
     """The sample at which the torque exceeds the motor's by the largest factor."""
-    demand, available = check.judged[:, k], check.available[:, k]
+    demand, available = check.checked_torque[:, k], check.available[:, k]
     return int(np.argmax(np.where(demand > available, demand / np.maximum(available, 1e-9), 0.0)))
 
 
@@ -141,7 +145,7 @@ def _torque_text(check: StandCheck, axis: Axis, k: int, i: int) -> str:
 
 
 def _inertia_text(check: StandCheck, axis: Axis, k: int) -> list[str]:
-    worst = _worst(check, k)
+    worst = _worst_sample(check, k)
     inertia_torque = axis.inertia * axis.ratio * abs(check.motion.acceleration[worst, k])
     demand = abs(check.torque[worst, k])
     if inertia_torque <= LARGE_INERTIA_SHARE * demand:
@@ -154,7 +158,7 @@ def _inertia_text(check: StandCheck, axis: Axis, k: int) -> list[str]:
 
 
 def _catch_text(check: StandCheck, axis: Axis) -> str:
-    limit = check.of(axis.name)["catch"]
+    limit = check.limits_of_axis(axis.name)["catch"]
     catches = [catch for catch in check.catches if catch.axis == axis.name]
     worst = min(catches, key=lambda catch: catch.margin)
     count = sum(catch.margin < 0.0 for catch in catches)
@@ -167,7 +171,7 @@ def _catch_text(check: StandCheck, axis: Axis) -> str:
 
 # -- other transmissions and microsteps --------------------------------------------------------
 
-CHANGED_PARTS = {"drum": "drum", "belt": "pulley", "screw": "lead", "shaft": "gear"}
+VARIED_PARTS = {"drum": "drum", "belt": "pulley", "screw": "lead", "shaft": "gear"}
 """Transmission -> name of its part or number that is varied."""
 
 
@@ -179,7 +183,7 @@ class Variant:
     axis: Axis
 
 
-def _alternatives(check: StandCheck, axis: Axis, k: int) -> list[str]:
+def _alternative_texts(check: StandCheck, axis: Axis, k: int) -> list[str]:
     """Fewer microsteps, and other transmissions, that pass the whole check."""
     texts = []
     motors = _fewer_microsteps(check, axis)
@@ -204,9 +208,9 @@ def _alternatives(check: StandCheck, axis: Axis, k: int) -> list[str]:
 def _fewer_microsteps(check: StandCheck, axis: Axis) -> list[Motor]:
     """The axis' motor; then, if the step rate is bounded, with ever fewer microsteps."""
     motor = axis.motor
-    if not isinstance(motor, Stepper) or "step rate" not in check.of(axis.name):
+    if not isinstance(motor, Stepper) or "step rate" not in check.limits_of_axis(axis.name):
         return [motor]
-    fewer = [n for n in MICROSTEPS if n < motor.microsteps]
+    fewer = [n for n in MICROSTEP_OPTIONS if n < motor.microsteps]
     return [motor, *(motor.model_copy(update={"microsteps": n}) for n in fewer)]
 
 
@@ -220,20 +224,20 @@ def _passes(check: StandCheck, changed: Axis, k: int) -> bool:
 
     A tenth of the torque is kept in reserve, or the present reserve if it is smaller and enough.
     """
-    present_limits = check.of(changed.name)
+    current_limits = check.limits_of_axis(changed.name)
     limits = {limit.quantity: limit for limit in check.limits_with(k, changed)}
     if any(limits[name].broken is not None for name in MOTOR_QUANTITIES if name in limits):
         return False
-    return _keeps_reserve(limits.get("torque"), present_limits.get("torque"))
+    return _keeps_reserve(limits.get("torque"), current_limits.get("torque"))
 
 
-def _keeps_reserve(changed: Limit | None, present: Limit | None) -> bool:
-    if changed is None or present is None:
+def _keeps_reserve(changed: Limit | None, current: Limit | None) -> bool:
+    if changed is None or current is None:
         return True
     min_margin = 100.0 * (1.0 - 1.0 / TORQUE_RESERVE)
-    if present.broken is None:
-        min_margin = min(min_margin, present.margin)
-    return changed.margin >= min_margin - 100.0 * ROUNDING
+    if current.broken is None:
+        min_margin = min(min_margin, current.margin)
+    return changed.margin >= min_margin - 100.0 * RELATIVE_ROUNDING
 
 
 def _nearest_range(check: StandCheck, axis: Axis, k: int, candidates: list[int]) -> list[Variant]:
@@ -242,8 +246,8 @@ def _nearest_range(check: StandCheck, axis: Axis, k: int, candidates: list[int])
     passing = {i for i in candidates if _passes(check, variants[i].axis, k)}
     if not passing:
         return []
-    present = _changed_number(axis)
-    nearest = min(passing, key=lambda i: abs(math.log(variants[i].number / present)))
+    current_number = _changed_number(axis)
+    nearest = min(passing, key=lambda i: abs(math.log(variants[i].number / current_number)))
     first = last = nearest
     while first - 1 in passing:
         first -= 1
@@ -254,46 +258,52 @@ def _nearest_range(check: StandCheck, axis: Axis, k: int, candidates: list[int])
 
 def _changed_number(axis: Axis) -> float:
     """The number of a transmission that is varied."""
-    part = axis.transmission
-    if isinstance(part, Drum):
-        return part.travel_per_turn / (2.0 * math.pi)
-    if isinstance(part, Belt):
-        return float(part.teeth)
-    return part.lead if isinstance(part, Screw) else axis.file.gear
+    transmission = axis.transmission
+    if isinstance(transmission, Drum):
+        return transmission.travel_per_turn / (2.0 * math.pi)
+    if isinstance(transmission, Belt):
+        return float(transmission.teeth)
+    return transmission.lead if isinstance(transmission, Screw) else axis.file.gear
 
 
 def _variants(axis: Axis) -> list[Variant]:
     """The axis with other numbers, rounded as in the message, in increasing order."""
-    part, present = axis.transmission, _changed_number(axis)
-    if isinstance(part, Belt):
-        fewest = max(4, math.ceil(TRIED_RATIOS[0] * present))
-        largest = min(10_000, int(TRIED_RATIOS[-1] * present))
+    transmission, current_number = axis.transmission, _changed_number(axis)
+    if isinstance(transmission, Belt):
+        fewest = max(4, math.ceil(TRIED_RATIOS[0] * current_number))
+        largest = min(10_000, int(TRIED_RATIOS[-1] * current_number))
         return [_variant(axis, n, teeth=n) for n in range(fewest, largest + 1)]
-    numbers = sorted({float(f"{present * ratio:.3g}") for ratio in TRIED_RATIOS.tolist()})
-    if isinstance(part, Drum):
+    numbers = sorted({float(f"{current_number * ratio:.3g}") for ratio in TRIED_RATIOS.tolist()})
+    if isinstance(transmission, Drum):
         return [_variant(axis, r, radius=r, diameter=None) for r in numbers]
-    if isinstance(part, Screw):
+    if isinstance(transmission, Screw):
         return [_variant(axis, lead, lead=lead) for lead in numbers]
     return [Variant(gear, with_axis(axis, gear=gear)) for gear in numbers]
 
 
 def _variant(axis: Axis, number: float, **changes: Any) -> Variant:
-    part = axis.transmission.model_copy(update=changes)
-    return Variant(number, dataclasses.replace(axis, transmission=part))
+    transmission = axis.transmission.model_copy(update=changes)
+    return Variant(number, dataclasses.replace(axis, transmission=transmission))
 
 
 def _variant_text(axis: Axis, low: float, high: float) -> str:
     """Suggestion of a transmission with a number from ``low`` to ``high``."""
-    part, present = axis.transmission, _changed_number(axis)
-    span = f"{low:g} to {high:g}" if high > low else f"{low:g}"
-    if isinstance(part, Drum):
-        size = "smaller" if high < present else "larger" if low > present else "different"
-        return f"a {size} drum, radius {span} m instead of {present:.3g} m"
-    if isinstance(part, Belt):
-        return f"a pulley of {span} teeth instead of {part.teeth}"
-    if isinstance(part, Screw):
-        return f"a lead of {span} m instead of {part.lead:g} m"
-    return f"a gear of {span} instead of {present:g}"
+    transmission, current_number = axis.transmission, _changed_number(axis)
+    range_text = f"{low:g} to {high:g}" if high > low else f"{low:g}"
+    if isinstance(transmission, Drum):
+        size = (
+            "smaller"
+            if high < current_number
+            else "larger"
+            if low > current_number
+            else "different"
+        )
+        return f"a {size} drum, radius {range_text} m instead of {current_number:.3g} m"
+    if isinstance(transmission, Belt):
+        return f"a pulley of {range_text} teeth instead of {transmission.teeth}"
+    if isinstance(transmission, Screw):
+        return f"a lead of {range_text} m instead of {transmission.lead:g} m"
+    return f"a gear of {range_text} instead of {current_number:g}"
 
 
 # -- numbers -------------------------------------------------------------------------------------
@@ -302,7 +312,7 @@ def _variant_text(axis: Axis, low: float, high: float) -> str:
 def _round_up(x: float, digits: int = 4) -> str:
     """A number rounded up to this many significant digits."""
     text = f"{x:.{digits}g}"
-    if float(text) < x - ROUNDING * abs(x):
+    if float(text) < x - RELATIVE_ROUNDING * abs(x):
         text = f"{x + 10.0 ** (math.floor(math.log10(abs(x))) - digits + 1):.{digits}g}"
     return text
 
@@ -313,14 +323,14 @@ def _round_down(x: float) -> str:
     return text[1:] if text.startswith("-") else f"-{text}"
 
 
-def peaks_of(t: Array, size: Array) -> list[tuple[float, float]]:
+def largest_peaks(t: Array, heights: Array) -> list[tuple[float, float]]:
     """Times [s] and heights of the largest peaks of a curve (T,), in order of time."""
-    remaining = np.array(size)
+    remaining = np.array(heights)
     peaks = []
     for _ in range(MAX_PEAKS):
         i = int(np.argmax(remaining))
-        if remaining[i] < 0.5 * np.max(size) or remaining[i] <= 0.0:
+        if remaining[i] < 0.5 * np.max(heights) or remaining[i] <= 0.0:
             break
-        peaks.append((float(t[i]), float(size[i])))
+        peaks.append((float(t[i]), float(heights[i])))
         remaining[np.abs(t - t[i]) < MIN_PEAK_INTERVAL] = 0.0
     return sorted(peaks)

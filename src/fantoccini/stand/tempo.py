@@ -68,24 +68,24 @@ def inputs_of(run: Trajectory, factor: float = 1.0) -> Input:
     Pieces are quintics through positions, velocities and accelerations at the run's samples. The
     run's user forces u_D are left out.
     """
-    table, t = run.coordinates, run.t
-    chosen = [0]
+    coordinates, t = run.coordinates, run.t
+    sample_list = [0]
     for i in range(1, len(t)):
-        if t[i] - t[chosen[-1]] >= MIN_SAMPLE_INTERVAL:
-            chosen.append(i)
-    if t[-1] > t[chosen[-1]]:
-        chosen = [*(chosen[:-1] if len(chosen) > 1 else chosen), len(t) - 1]
-    k = np.array(chosen)
+        if t[i] - t[sample_list[-1]] >= MIN_SAMPLE_INTERVAL:
+            sample_list.append(i)
+    if t[-1] > t[sample_list[-1]]:
+        sample_list = [*(sample_list[:-1] if len(sample_list) > 1 else sample_list), len(t) - 1]
+    k = np.array(sample_list)
     breaks = run.t[0] + factor * (t[k] - run.t[0])
-    q, v = table.places_K
+    q, v = coordinates.places_K
     samples = (run.q_K[k][:, q], run.v_K[k][:, v] / factor, run.acc_K[k][:, v] / factor**2)
-    coef = np.zeros((len(k) - 1, table.n_vK, polynomial.N_COEF))
+    coef = np.zeros((len(k) - 1, coordinates.n_vK, polynomial.N_COEF))
     starts, ends = (tuple(x[part] for x in samples) for part in (slice(-1), slice(1, None)))
     coef[:, v] = polynomial.hermite(np.diff(breaks)[:, None], starts, ends)
-    base = np.array(run.q_K[k[:-1]])
-    rotations = [i for place, _ in table.quaternions_K for i in range(place, place + 4)]
-    base[:, rotations] = run.q_K[0, rotations]
-    return Input(table, breaks, coef, base, np.ones(table.n_vK, dtype=bool))
+    held_values = np.array(run.q_K[k[:-1]])
+    rotations = [i for q_first, _ in coordinates.quaternions_K for i in range(q_first, q_first + 4)]
+    held_values[:, rotations] = run.q_K[0, rotations]
+    return Input(coordinates, breaks, coef, held_values, np.ones(coordinates.n_vK, dtype=bool))
 
 
 def slow_down(check: StandCheck, factor: float) -> SlowedRun:
@@ -95,13 +95,13 @@ def slow_down(check: StandCheck, factor: float) -> SlowedRun:
         SimulationError: the slower run stops before its end.
     """
     run, marionette = check.run, check.marionette
-    x = run.state(0)
-    x0 = dataclasses.replace(x, v_D=x.v_D / factor, v_K=x.v_K / factor)
+    start = run.state(0)
+    slow_start = dataclasses.replace(start, v_D=start.v_D / factor, v_K=start.v_K / factor)
     t_end, method = float(run.t[0] + factor * run.duration), _method(run)
     n = max(2, round(SAVE_RATE * (t_end - run.t[0])))
     slow_run = simulate(
         marionette,
-        _slow_start(marionette, x0),
+        _projected_start(marionette, slow_start),
         inputs_of(run, factor),
         t_end,
         method=method,
@@ -122,24 +122,24 @@ def find_slower_tempo(check: StandCheck) -> tuple[SlowedRun | None, str]:
         return None, "slower does not help: the travel is too short at any tempo"
     if check.undetermined:
         return None, UNDETERMINED_TEXT
-    factor, last = _first_factor(check), None
+    factor, slowed_run = _first_factor(check), None
     while factor <= MAX_FACTOR:
         try:
-            last = slow_down(check, factor)
-        except (SimulationError, StateError) as reason:
-            return None, f"{factor:.3g} times as long, the simulation stops: {reason}"
-        if last.check.ok:
-            return last, str(last)
-        if last.check.undetermined:
+            slowed_run = slow_down(check, factor)
+        except (SimulationError, StateError) as error:
+            return None, f"{factor:.3g} times as long, the simulation stops: {error}"
+        if slowed_run.check.ok:
+            return slowed_run, str(slowed_run)
+        if slowed_run.check.undetermined:
             return None, f"{UNDETERMINED_TEXT} (at {factor:.3g} times the duration, too)"
         factor *= FACTOR_GROWTH
-    if last is None:
+    if slowed_run is None:
         return None, f"slower does not help within {MAX_FACTOR:g} times as long"
-    first = last.check.first
-    assert first is not None
+    first_limit = slowed_run.check.first
+    assert first_limit is not None
     return None, (
-        f"slower does not help: {last.factor:.3g} times as long, the {first.quantity} of "
-        f"{first.axis} is still insufficient"
+        f"slower does not help: {slowed_run.factor:.3g} times as long, the {first_limit.quantity} "
+        f"of {first_limit.axis} is still insufficient"
     )
 
 
@@ -154,17 +154,19 @@ def body_distances(
     t = np.linspace(run.t[0], run.t[-1], n)
     slow_t = np.minimum(run.t[0] + factor * (t - run.t[0]), slow_run.t[-1])
     positions = []
-    for compared, times in ((run, t), (slow_run, slow_t)):
-        states = compared.resample(times)
+    for compared_run, times in ((run, t), (slow_run, slow_t)):
+        states = compared_run.resample(times)
         positions.append(marionette.poses(states.q_D, states.q_K)[..., 3])
-    moving = [i for i, link in enumerate(marionette.tree.links) if link.name in _bodies(run)]
-    deviation: Array = np.linalg.norm(positions[0] - positions[1], axis=-1)[:, moving]
+    body_indices = [
+        i for i, link in enumerate(marionette.tree.links) if link.name in _body_names(run)
+    ]
+    deviation: Array = np.linalg.norm(positions[0] - positions[1], axis=-1)[:, body_indices]
     i, k = np.unravel_index(int(np.argmax(deviation)), deviation.shape)
-    name = marionette.tree.links[moving[int(k)]].name
+    name = marionette.tree.links[body_indices[int(k)]].name
     return float(deviation[i, k]), name, float(t[i]), float(np.sqrt(np.mean(deviation**2)))
 
 
-def _bodies(run: Trajectory) -> set[str]:
+def _body_names(run: Trajectory) -> set[str]:
     return set() if run.puppet is None else {body.name for body in run.puppet.bodies}
 
 
@@ -180,7 +182,7 @@ def _first_factor(check: StandCheck) -> float:
     return FACTOR_RESERVE * factor if factor > 1.0 else FACTOR_GROWTH
 
 
-def _slow_start(marionette: Marionette, x0: State) -> State:
+def _projected_start(marionette: Marionette, x0: State) -> State:
     """Start state of a slower run, projected so that no taut string lengthens."""
     return x0 if not np.any(x0.v_D) else marionette.project(x0)
 

@@ -99,31 +99,31 @@ def _moves(t: Times, counts: Indices, limits: Limits) -> tuple[Array, Array, Ind
     end: list[float] = []
     target: list[Indices] = []
 
-    def add(first: float, last: float, position: Indices) -> None:
+    def add_move(first: float, last: float, position: Indices) -> None:
         begin.append(first)
         end.append(last)
         target.append(position)
 
     last_end = t[0]  # end of the last move
     for i in range(len(t) - 1):
-        delta = counts[i + 1] - counts[i]
-        if not np.any(delta):
+        step_counts = counts[i + 1] - counts[i]
+        if not np.any(step_counts):
             continue
         if t[i] - last_end >= MIN_HOLD:
             dwell = np.floor((t[i] - last_end) / DWELL - 1.0) * DWELL
-            add(last_end, last_end + dwell, counts[i])
+            add_move(last_end, last_end + dwell, counts[i])
             last_end += dwell
-        if t[i] > last_end and np.max(np.abs(delta)) > 1:
-            k = int(np.argmax(np.abs(delta)))
-            creep = np.zeros_like(delta)
+        if t[i] > last_end and np.max(np.abs(step_counts)) > 1:
+            k = int(np.argmax(np.abs(step_counts)))
+            creep_steps = np.zeros_like(step_counts)
             steps = np.ceil((t[i] - last_end) * MIN_SPEED * limits.steps[k])
-            creep[k] = np.sign(delta[k]) * min(max(1, steps), abs(delta[k]) - 1)
-            add(last_end, t[i], counts[i] + creep)
+            creep_steps[k] = np.sign(step_counts[k]) * min(max(1, steps), abs(step_counts[k]) - 1)
+            add_move(last_end, t[i], counts[i] + creep_steps)
             last_end = t[i]
-        add(last_end, t[i + 1], counts[i + 1])
+        add_move(last_end, t[i + 1], counts[i + 1])
         last_end = t[i + 1]
     if t[-1] > last_end:
-        add(last_end, t[-1], counts[-1])
+        add_move(last_end, t[-1], counts[-1])
     return np.array(begin), np.array(end), np.array(target).reshape(-1, counts.shape[1])
 
 
@@ -143,14 +143,14 @@ def _solve_speeds(begin: Array, T: Array, delta: Array, length: Array, limits: L
     v = length / T
     change = np.inf
     for _ in range(MAX_ITERATIONS):
-        before = np.minimum(np.append(0.0, v[:-1]), np.append(0.0, junction))
-        after = np.minimum(np.append(v[1:], 0.0), np.append(junction, 0.0))
-        new_v = _speeds_between(T, length, a, before, after)
+        entry_limits = np.minimum(np.append(0.0, v[:-1]), np.append(0.0, junction))
+        exit_limits = np.minimum(np.append(v[1:], 0.0), np.append(junction, 0.0))
+        new_v = _speeds_between(T, length, a, entry_limits, exit_limits)
         change = float(np.max(np.abs(new_v - v) / new_v))
         v = new_v
         if change < SPEED_TOLERANCE:
             break
-    slowest = np.minimum(before, v), np.minimum(after, v)
+    slowest = np.minimum(entry_limits, v), np.minimum(exit_limits, v)
     ramps = ((v - slowest[0]) + (v - slowest[1])) / a
     unreachable = (ramps > T * (1.0 + 1e-6)) | (v > max_speed * (1.0 + 1e-9)) | ~np.isfinite(v)
     if change >= SPEED_TOLERANCE or np.any(unreachable):
@@ -168,11 +168,11 @@ def _solve_speeds(begin: Array, T: Array, delta: Array, length: Array, limits: L
     return v
 
 
-def _speeds_between(T: Array, d: Array, a: Array, before: Array, after: Array) -> Array:
+def _speeds_between(T: Array, d: Array, a: Array, entry_limits: Array, exit_limits: Array) -> Array:
     """(m,) speeds with which moves take their times between given speeds, by Newton's method."""
     v = d / T
     for _ in range(60):
-        rise, fall = np.maximum(v - before, 0.0), np.maximum(v - after, 0.0)
+        rise, fall = np.maximum(v - entry_limits, 0.0), np.maximum(v - exit_limits, 0.0)
         slope = np.maximum(T - (rise + fall) / a, 1e-3 * T)
         step = (d - v * T + (rise**2 + fall**2) / (2.0 * a)) / slope
         v = np.maximum(v + step, 1e-12)
@@ -184,25 +184,27 @@ def _speeds_between(T: Array, d: Array, a: Array, before: Array, after: Array) -
 def _junction_speeds(direction: Array, limits: Limits) -> Array:
     """(m - 1,) largest speeds at the junctions of the moves."""
     cosine = np.clip(np.sum(direction[:-1] * direction[1:], axis=1), -1.0, 1.0)
-    turn = np.diff(direction, axis=0)
-    length = np.linalg.norm(turn, axis=1)
-    a = np.min(limits.acceleration * length[:, None] / np.abs(turn), axis=1, initial=np.inf)
+    direction_change = np.diff(direction, axis=0)
+    length = np.linalg.norm(direction_change, axis=1)
+    a = np.min(
+        limits.acceleration * length[:, None] / np.abs(direction_change), axis=1, initial=np.inf
+    )
     sine = np.sqrt((1.0 + cosine) / 2.0)  # sine of half the angle between them
     speed = np.sqrt(a * limits.junction * sine / (1.0 - sine))
     return np.where(cosine > 0.999999, np.inf, np.where(cosine < -0.999999, 0.0, speed))
 
 
 def _check_look_ahead(
-    begin: Array, T: Array, length: Array, a: Array, entry: Array, limits: Limits
+    begin: Array, T: Array, length: Array, a: Array, entry_speeds: Array, limits: Limits
 ) -> None:
     """Raises a StandError if the machine could not stop within the moves that it looks ahead."""
     moves_ahead = limits.planner - 1
     energy = np.append(0.0, np.cumsum(2.0 * a * length))
     for i in range(len(length) - moves_ahead):
-        if entry[i] ** 2 > energy[i + moves_ahead] - energy[i]:
+        if entry_speeds[i] ** 2 > energy[i + moves_ahead] - energy[i]:
             seconds = float(np.sum(T[i : i + moves_ahead]))
             raise StandError(
                 f"the controller looks {moves_ahead} moves ahead, {seconds:.3f} s at t = "
-                f"{begin[i]:.3f} s, and could not stop within them from {entry[i]:.4g} mm/s; "
-                "needed: fewer set points per second (--rate)"
+                f"{begin[i]:.3f} s, and could not stop within them from {entry_speeds[i]:.4g} "
+                "mm/s; needed: fewer set points per second (--rate)"
             )

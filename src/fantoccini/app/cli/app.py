@@ -13,19 +13,19 @@ from fantoccini.app.cli.stand_app import stand_app
 from fantoccini.app.cli_support import (
     CommandGroup,
     ExportArguments,
-    File,
     FollowArguments,
     IdentifyArguments,
     OptimiseArguments,
     PerformArguments,
     PlanArguments,
     PlayArguments,
+    PuppetFile,
     Quiet,
-    SchemaOf,
+    SchemaKind,
     ShowArguments,
     SimulateArguments,
     resolve_bundled,
-    version,
+    version_text,
     with_arguments,
 )
 
@@ -63,7 +63,7 @@ def main() -> None:
 
 def _version(requested: bool) -> None:
     if requested:
-        typer.echo(version())
+        typer.echo(version_text())
         raise typer.Exit
 
 
@@ -100,7 +100,9 @@ def check(
 
 
 @app.command()
-def schema(of: Annotated[SchemaOf, typer.Argument(help="Kind of file.")] = SchemaOf.PUPPET) -> None:
+def schema(
+    of: Annotated[SchemaKind, typer.Argument(help="Kind of file.")] = SchemaKind.PUPPET,
+) -> None:
     """Print a JSON Schema, for editors."""
     import json
 
@@ -115,17 +117,17 @@ def schema(of: Annotated[SchemaOf, typer.Argument(help="Kind of file.")] = Schem
     from fantoccini.theatre.script import play_schema, score_schema
 
     schemas = {
-        SchemaOf.PUPPET: json_schema,
-        SchemaOf.SCENE: scene_schema,
-        SchemaOf.INPUTS: inputs_schema,
-        SchemaOf.GESTURE: gesture_schema,
-        SchemaOf.SCORE: score_schema,
-        SchemaOf.PLAY: play_schema,
-        SchemaOf.PROBLEM: problem_schema,
-        SchemaOf.TASK: task_schema,
-        SchemaOf.MAPPING: mapping_schema,
-        SchemaOf.STAND: stand_schema,
-        SchemaOf.RECORD: record_schema,
+        SchemaKind.PUPPET: json_schema,
+        SchemaKind.SCENE: scene_schema,
+        SchemaKind.INPUTS: inputs_schema,
+        SchemaKind.GESTURE: gesture_schema,
+        SchemaKind.SCORE: score_schema,
+        SchemaKind.PLAY: play_schema,
+        SchemaKind.PROBLEM: problem_schema,
+        SchemaKind.TASK: task_schema,
+        SchemaKind.MAPPING: mapping_schema,
+        SchemaKind.STAND: stand_schema,
+        SchemaKind.RECORD: record_schema,
     }
     typer.echo(json.dumps(schemas[of](), indent=2))
 
@@ -171,7 +173,7 @@ def rig(
 
 @app.command()
 def rest(
-    file: File,
+    file: PuppetFile,
     start: Annotated[
         list[str] | None,
         typer.Option(
@@ -196,7 +198,7 @@ def rest(
 
 @app.command()
 def equations(
-    file: File, latex: Annotated[bool, typer.Option("--latex", help="Print LaTeX.")] = False
+    file: PuppetFile, latex: Annotated[bool, typer.Option("--latex", help="Print LaTeX.")] = False
 ) -> None:
     """Print the equations of a small puppet.
 
@@ -391,7 +393,7 @@ def take(
 
 
 @app.command("validate-reduction")
-def validate_reduction(file: File, quiet: Quiet = False) -> None:
+def validate_reduction(file: PuppetFile, quiet: Quiet = False) -> None:
     """Check the mixed-model reduction of the paper's Section VI on a puppet.
 
     Tests at random configurations whether driven coordinates can serve as inputs: blocks of the
@@ -436,9 +438,9 @@ def cache(
 @app.command()
 def doctor() -> None:
     """Check that this machine has everything that fantoccini needs."""
-    from fantoccini.app.cli.doctor import examine
+    from fantoccini.app.cli.doctor import print_diagnosis
 
-    examine()
+    print_diagnosis()
 
 
 if __name__ == "__main__":

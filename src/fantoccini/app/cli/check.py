@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import typer
 
-from fantoccini.app.cli.play import checked_play
+from fantoccini.app.cli.play import play_counts_text
 from fantoccini.app.cli_support import (
     MISTAKE,
     fail,
@@ -29,7 +29,7 @@ from fantoccini.stand import AxisMap, is_stand, load_stand, stand_names
 from fantoccini.theatre.plays import play_names
 from fantoccini.theatre.script import is_play
 
-_RATE = 200.0
+_CHECK_RATE = 200.0
 """Times per second at which inputs are checked."""
 
 
@@ -82,13 +82,13 @@ def _check_play(file: str, inputs: list[Path], quiet: bool) -> bool:
     if inputs:
         fail(f"applies to puppets, and {file} is a play", "--inputs")
     try:
-        contents = checked_play(Path(file))
+        counts_text = play_counts_text(Path(file))
     except FileError as error:
         _print_problems(error.mistakes)
         return False
     if not quiet:
         print_output(
-            f"{file}: no mistakes; {contents}; `fantoccini play` checks whether it can be done"
+            f"{file}: no mistakes; {counts_text}; `fantoccini play` checks whether it can be done"
         )
     return True
 
@@ -99,21 +99,22 @@ def _check_stand(file: str, inputs: list[Path], quiet: bool) -> bool:
         stand = load_stand(file)
         path = stand.puppet_path
         puppet = None if path is None else load_marionette(str(path))
-        axis_map = None if puppet is None else AxisMap.of(stand, puppet.coordinates)
+        axis_map = None if puppet is None else AxisMap.from_stand(stand, puppet.coordinates)
     except FileError as error:
         _print_problems(error.mistakes)
         return False
     if not quiet:
-        moves = "no puppet named" if puppet is None else f"moves {puppet.name}"
+        motion_text = "no puppet named" if puppet is None else f"moves {puppet.name}"
         held_text = (
             ""
             if axis_map is None or not axis_map.held
             else f", {len(axis_map.held)} coordinates held"
         )
         n_controllers = len(stand.controllers)
-        controllers = f" on {n_controllers} controllers" if n_controllers else ""
+        controllers_text = f" on {n_controllers} controllers" if n_controllers else ""
         print_output(
-            f"{file}: no mistakes; {len(stand.axes)} axes{controllers}, {moves}{held_text}"
+            f"{file}: no mistakes; {len(stand.axes)} axes{controllers_text}, {motion_text}"
+            f"{held_text}"
         )
     all_correct = True
     for inputs_file in inputs:
@@ -128,7 +129,7 @@ def _check_stand(file: str, inputs: list[Path], quiet: bool) -> bool:
 def _check_moves(axis_map: AxisMap, puppet: Marionette, path: Path) -> bool:
     """Whether a stand can move everything that the inputs move."""
     inputs = load_motion(puppet, path).inputs
-    times = np.linspace(inputs.start, inputs.end, max(2, round(_RATE * inputs.duration)))
+    times = np.linspace(inputs.start, inputs.end, max(2, round(_CHECK_RATE * inputs.duration)))
     q_K = np.nan_to_num(inputs.evaluate(times)[0])
     try:
         axis_map.check_held(times, q_K)

@@ -18,7 +18,7 @@ from fantoccini.app.cli_support import (
 from fantoccini.dynamics.compiled import TimeStepping
 from fantoccini.theatre.perform import WALK_PICTURE_TIMES, walk
 
-_STAGE, _NAME = "promenade", "marionette"
+_SCENE, _FILE_STEM = "promenade", "marionette"
 _METHOD, _SAVE_EVERY = TimeStepping(dt=1e-3), 5
 
 
@@ -32,10 +32,10 @@ def show_demo(folder: Path, quiet: bool) -> None:
     check_new_folder(folder, "--out")
     with output_errors(folder):
         folder.mkdir(parents=True, exist_ok=True)
-    out = [folder / f"{_NAME}{ending}" for ending in (".npz", ".png", ".mp4")]
+    out = [folder / f"{_FILE_STEM}{ending}" for ending in (".npz", ".png", ".mp4")]
     check_outputs(out, None)
     with ProgressDisplay(quiet) as display:
-        puppet = load_marionette(_STAGE, display.update)
+        puppet = load_marionette(_SCENE, display.update)
         display.stage("finding the rest pose")
         x0, inputs, duration = walk(puppet)
         run, seconds, reason = simulate_with_progress(

@@ -8,32 +8,32 @@ from importlib import metadata
 import typer
 from packaging.requirements import Requirement
 
-from fantoccini.app.cli_support import FAILED, print_message, print_output, version
+from fantoccini.app.cli_support import FAILED, print_message, print_output, version_text
 from fantoccini.kernel.build import describe
 
 
-def examine() -> None:
+def print_diagnosis() -> None:
     """Prints versions on stdout and problems on stderr; exits with 1 if there are problems."""
-    facts = {
-        "fantoccini": version(),
+    entries = {
+        "fantoccini": version_text(),
         "python": f"{platform.python_version()} ({platform.system()} {platform.machine()})",
     }
     problems = []
     for name in required_distributions():
         try:
-            facts[name] = metadata.version(name)
+            entries[name] = metadata.version(name)
         except metadata.PackageNotFoundError:
-            facts[name] = "missing"
+            entries[name] = "missing"
             problems.append(f"{name} is missing; install it: python -m pip install {name}")
     compiler = describe()
     if problem_text := compiler.pop("problem", ""):
         problems += problem_text.split("\n")
-    facts |= compiler
-    facts["ffmpeg"], problem_text = _ffmpeg()
+    entries |= compiler
+    entries["ffmpeg"], problem_text = _ffmpeg_version()
     if problem_text:
         problems.append(problem_text)
-    widest = max(map(len, facts))
-    for label, text in facts.items():
+    widest = max(map(len, entries))
+    for label, text in entries.items():
         print_output(f"{label:{widest}}  {text}")
     for problem in problems:
         print_message(f"fantoccini: {problem}")
@@ -47,7 +47,7 @@ def required_distributions() -> list[str]:
     return sorted(r.name for r in requirements if not r.marker or r.marker.evaluate({"extra": ""}))
 
 
-def _ffmpeg() -> tuple[str, str]:
+def _ffmpeg_version() -> tuple[str, str]:
     """Version and path of ffmpeg, and an error message if it does not run."""
     try:
         import imageio_ffmpeg

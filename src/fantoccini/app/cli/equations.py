@@ -12,12 +12,12 @@ from sympy.printing.pretty.pretty_symbology import pretty_symbol
 from sympy.printing.str import StrPrinter
 
 from fantoccini.app.cli_support import (
+    format_number,
     load_marionette,
-    number,
     print_message,
     print_output,
     print_table,
-    width,
+    terminal_width,
 )
 from fantoccini.base.documents import Number, Parameter
 from fantoccini.dynamics.compiled import check_mass_matrix
@@ -74,7 +74,7 @@ def _print_latex(puppet: Marionette, page: printing.Printable) -> None:
 
 
 def _print_text(puppet: Marionette, page: printing.Printable) -> None:
-    layout = Layout(width(), _stdout_has_unicode())
+    layout = Layout(terminal_width(), _stdout_has_unicode())
     print_table(
         "Symbols", ("symbol", "name", "role", "value>"), list(_symbols(puppet, page, layout))
     )
@@ -109,52 +109,54 @@ def _symbols(
     roles = {row.name: row.role for row in puppet.coordinates.rows}
     for symbol, name in page.notation.names.items():
         role = roles.get(name, "parameter")
-        value = number(float(values[name])) if role == "parameter" else ""
+        value = format_number(float(values[name])) if role == "parameter" else ""
         yield layout.text(symbol), name, role, value
 
 
 def _motor_laws(
-    puppet: Marionette, page: printing.Printable, text: Callable[[sp.Symbol], str]
+    puppet: Marionette, page: printing.Printable, symbol_text: Callable[[sp.Symbol], str]
 ) -> Iterator[tuple[str, str, str]]:
     """Symbol, name and law of every motor's coordinate."""
     symbols = page.notation.symbols["q_D"]
     for row in puppet.tree.drives:
         if row.command is not None:
-            coordinates = ", ".join(text(symbol) for symbol in symbols[row.q])
+            coordinates = ", ".join(symbol_text(symbol) for symbol in symbols[row.q])
             yield coordinates, row.name, _motor_law(row.drive)
 
 
 def _motor_law(drive: Drive) -> str:
     """Law of a motor, with parameters by name."""
 
-    def text(value: Number) -> str:
-        return value.parameter if isinstance(value, Parameter) else number(float(value))
+    def number_text(value: Number) -> str:
+        return value.parameter if isinstance(value, Parameter) else format_number(float(value))
 
     motor, control = drive.motor, drive.control
     if isinstance(control, PD):
-        law = f"{text(control.stiffness)} e + {text(control.damping)} edot"
+        law = f"{number_text(control.stiffness)} e + {number_text(control.damping)} edot"
     elif isinstance(control, ComputedTorque):
-        w, zeta = text(control.bandwidth), text(control.damping_ratio)
+        w, zeta = number_text(control.bandwidth), number_text(control.damping_ratio)
         reference = f"a = rddot + 2 zeta w edot + w^2 e, w = {w}, zeta = {zeta}"
         law = f"M a + c + friction by inverse dynamics, {reference}"
     if motor is None:
         return law
-    drum = "" if drive.drum is None else f" / {text(drive.drum)}"
-    ratio = f"n = {text(drive.gear)}{drum}"
+    drum = "" if drive.drum is None else f" / {number_text(drive.drum)}"
+    ratio = f"n = {number_text(drive.gear)}{drum}"
     if isinstance(motor, DirectCurrent):
-        k, R = text(motor.constant), text(motor.resistance)
-        current, voltage = text(motor.current), text(motor.voltage)
+        k, R = number_text(motor.constant), number_text(motor.resistance)
+        current, voltage = number_text(motor.current), number_text(motor.voltage)
         bounds = f"|i| <= {current} and |{R} i + {k} n v| <= {voltage}"
         return f"{law} = n {k} i where {bounds}; {ratio}"
-    T = text(motor.torque)
+    T = number_text(motor.torque)
     if isinstance(motor, Servo):
         return f"{law} where |f_M| <= n {T}; {ratio}"
     if motor.corner_speed is not None:
-        T += f" min(1, {text(motor.corner_speed)} / |n rdot|)"
-    step, pairs = f"/ ({motor.steps * motor.microsteps} n)", f"{motor.steps / 4:g} n e"
+        T += f" min(1, {number_text(motor.corner_speed)} / |n rdot|)"
+    step_text, phase = f"/ ({motor.steps * motor.microsteps} n)", f"{motor.steps / 4:g} n e"
     linear = drive.drum is None and drive.mass is not None
-    step, pairs = (f"1 {step}", f"2 pi {pairs}") if linear else (f"2 pi {step}", pairs)
-    return f"n {T} sin({pairs}), command in steps of {step}; {ratio}"
+    step_text, phase = (
+        (f"1 {step_text}", f"2 pi {phase}") if linear else (f"2 pi {step_text}", phase)
+    )
+    return f"n {T} sin({phase}), command in steps of {step_text}; {ratio}"
 
 
 def energies(page: printing.Printable) -> list[Equation]:
@@ -166,7 +168,7 @@ def matrices(puppet: Marionette, page: printing.Printable) -> list[Equation]:
     """Equations of M, C, g, h and A_D, and of M_DK, C_DK, f and A_K unless they are zero."""
     objects, n = page.objects, puppet.coordinates.n_vD
     C = objects["C"]
-    named = [
+    blocks = [
         ("M", objects["M"]),
         ("M_DK", objects["M_DK"]),
         ("C", C[:n, :n]),
@@ -180,7 +182,7 @@ def matrices(puppet: Marionette, page: printing.Printable) -> list[Equation]:
     optional = ("M_DK", "C_DK", "f", "A_K")
     return [
         (name, value)
-        for name, value in named
+        for name, value in blocks
         if 0 not in value.shape and not (name in optional and value.is_zero_matrix)
     ]
 
@@ -244,8 +246,8 @@ class Layout:
         lines[-1] += " ="
         for term in right.as_ordered_terms():
             negative = term.could_extract_minus_sign()
-            form = self._printer._print(-term if negative else term)
-            printed, baseline = str(form).split("\n"), form.baseline
+            printed_form = self._printer._print(-term if negative else term)
+            printed, baseline = str(printed_form).split("\n"), printed_form.baseline
             if max(map(len, printed)) > self.columns - 6:
                 line = self._line.doprint(-term if negative else term)
                 printed = textwrap.wrap(line, self.columns - 6)
@@ -266,13 +268,13 @@ class Layout:
         for i in range(n):
             for j in range(i if symmetric else 0, columns):
                 if right[i, j] != 0:
-                    place = f"{i + 1}" if columns == 1 else f"{i + 1}{j + 1}"
+                    indices = f"{i + 1}" if columns == 1 else f"{i + 1}{j + 1}"
                     separator = "," if "_" in left else "_"
-                    entries.append(self.equation(f"{left}{separator}{place}", right[i, j]))
-        kind = "symmetric, " if symmetric else ""
+                    entries.append(self.equation(f"{left}{separator}{indices}", right[i, j]))
+        symmetry = "symmetric, " if symmetric else ""
         zero = ", zero except for" if 0 in right else ""
-        head = f"  {self.text(sp.Symbol(left))}: {kind}{n} x {columns}{zero}"
-        return "\n".join([head, *entries])
+        heading = f"  {self.text(sp.Symbol(left))}: {symmetry}{n} x {columns}{zero}"
+        return "\n".join([heading, *entries])
 
     def _fits(self, text: str) -> bool:
         return max(map(len, text.split("\n"))) <= self.columns - 2

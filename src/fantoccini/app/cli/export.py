@@ -24,7 +24,7 @@ from fantoccini.base import Status
 from fantoccini.dynamics.compiled import check_mass_matrix
 from fantoccini.kernel import codegen
 
-_OUT = "OUT"
+_OUT_ARGUMENT = "OUT"
 """Name of the argument for the output file or folder, in messages."""
 
 
@@ -40,11 +40,11 @@ def _export_motion(arguments: ExportArguments) -> None:
     """Writes a saved motion; the suffix of ``out`` selects the format."""
     if arguments.force:
         fail("applies to puppets; a file is replaced in any case", "--force")
-    output_options = OutputOptions.of(
+    output_options = OutputOptions.parse(
         None, None, None, None, arguments.fps, bodies=arguments.bodies
-    ).of_part(arguments.begin, arguments.end)
+    ).for_part(arguments.begin, arguments.end)
     out = [arguments.out]
-    check_outputs(out, None, _OUT)
+    check_outputs(out, None, _OUT_ARGUMENT)
     output_options.check(out)
     from fantoccini.app.web import subject_of
 
@@ -91,12 +91,12 @@ def _check_folder(folder: Path, force: bool) -> None:
         exists = folder.exists()
         has_files = folder.is_dir() and any(folder.iterdir())
     except OSError as error:
-        fail(f"cannot read {folder}: {error.strerror}", _OUT)
+        fail(f"cannot read {folder}: {error.strerror}", _OUT_ARGUMENT)
     if exists and not folder.is_dir():
-        fail(f"{folder} is a file, not a folder", _OUT)
+        fail(f"{folder} is a file, not a folder", _OUT_ARGUMENT)
     if has_files and not force:
-        fail(f"{folder} is not empty; use --force to write into it", _OUT)
-    check_folder(folder if exists else folder.absolute().parent, _OUT)
+        fail(f"{folder} is not empty; use --force to write into it", _OUT_ARGUMENT)
+    check_folder(folder if exists else folder.absolute().parent, _OUT_ARGUMENT)
 
 
 def _write_files(files: dict[str, str], folder: Path) -> None:

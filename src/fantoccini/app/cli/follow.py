@@ -53,7 +53,7 @@ def follow_file(arguments: FollowArguments) -> None:
             print_message(note)
         check_time_range(arguments.begin, arguments.end, float(clip.t[0]), float(clip.t[-1]))
         puppet = load_marionette(arguments.file, display.update)
-        placed = place_clip(
+        placed_clip = place_clip(
             puppet,
             clip,
             arguments.mapping,
@@ -63,11 +63,11 @@ def follow_file(arguments: FollowArguments) -> None:
             begin=arguments.begin,
             end=arguments.end,
         )
-        for note in placed.clip.notes[len(clip.notes) :]:
+        for note in placed_clip.clip.notes[len(clip.notes) :]:
             print_message(note)
         followed = follow_clip(
             puppet,
-            placed,
+            placed_clip,
             speed=arguments.speed or MAX_SPEED,
             acceleration=arguments.acceleration or MAX_ACCELERATION,
             progress=display.bar("following"),
@@ -87,7 +87,7 @@ def follow_file(arguments: FollowArguments) -> None:
             guides=guides,
         )
     if not arguments.quiet:
-        _report(followed)
+        _print_report(followed)
     if arguments.show:
         show_run(puppet, followed.run, arguments.quiet)
     for remark in _remarks(followed):
@@ -126,10 +126,10 @@ def _remarks(followed: FollowResult) -> Iterator[str]:
             f"{100 * followed.bound_factor:.0f} % of them"
         )
     if followed.crossings:
-        first = followed.crossings[0]
+        first_crossing = followed.crossings[0]
         yield (
             f"strings pass through each other {len(followed.crossings)} times, which real strings "
-            f"cannot: first {first}"
+            f"cannot: first {first_crossing}"
         )
 
 
@@ -143,7 +143,7 @@ def _recording(followed: FollowResult) -> Recording:
     )
 
 
-def _report(followed: FollowResult) -> None:
+def _print_report(followed: FollowResult) -> None:
     retargeted = followed.retargeted
     speed, acceleration = abs(followed.run.v_K).max(), abs(followed.acc_K).max()
     print_table(

@@ -35,7 +35,7 @@ _MAX_LISTED = 10
 """Largest number of outliers and motions that are listed."""
 _DEFAULT_DURATION = 10.0
 """Default duration of candidate motions [s]."""
-_DEFAULT_REACH = 0.05
+_DEFAULT_AMPLITUDE = 0.05
 """Default amplitude of candidate motions [m]."""
 _MIN_INFORMATION = 0.05
 """Information below which 0.0 is printed [bits]."""
@@ -78,7 +78,9 @@ def identify_record(arguments: IdentifyArguments) -> None:
         if out is not None:
             record.check_folder(out.parent)
         result = identify(
-            record, threads=threads, progress=lambda at: display.stage(_progress_text(at))
+            record,
+            threads=threads,
+            progress=lambda progress: display.stage(_progress_text(progress)),
         )
     if not quiet:
         _print_result(result)
@@ -93,10 +95,10 @@ def identify_record(arguments: IdentifyArguments) -> None:
             motions = suggest_motion(
                 record,
                 duration=_DEFAULT_DURATION if duration is None else duration,
-                reach=_DEFAULT_REACH if reach is None else reach,
+                reach=_DEFAULT_AMPLITUDE if reach is None else reach,
                 seed=seed or 0,
                 threads=threads,
-                progress=lambda at: display.stage(f"evaluating the motion {at.what}"),
+                progress=lambda progress: display.stage(f"evaluating the motion {progress.what}"),
             )
             with output_errors(suggest):
                 motions[0].save(suggest)
@@ -106,8 +108,8 @@ def identify_record(arguments: IdentifyArguments) -> None:
         raise typer.Exit(FAILED)
 
 
-def _progress_text(at: Progress) -> str:
-    return at.what if at.best is None else f"{at.what}: {at.best:.6g}"
+def _progress_text(progress: Progress) -> str:
+    return progress.what if progress.best is None else f"{progress.what}: {progress.best:.6g}"
 
 
 def _print_result(result: IdentificationResult) -> None:
@@ -185,7 +187,7 @@ def _save_report(result: IdentificationResult, path: Path, quiet: bool) -> None:
 
 
 def _save_numbers(result: IdentificationResult, path: Path) -> None:
-    def number(x: float) -> float | None:
+    def finite_or_none(x: float) -> float | None:
         return float(x) if math.isfinite(x) else None
 
     data: dict[str, Any] = {
@@ -193,24 +195,24 @@ def _save_numbers(result: IdentificationResult, path: Path) -> None:
         "puppet": result.record.marionette.name,
         "numbers": {
             name: {
-                "value": number(x),
-                "standard_deviation": number(d),
-                "interval": [number(end) for end in result.interval(name)],
+                "value": finite_or_none(x),
+                "standard_deviation": finite_or_none(d),
+                "interval": [finite_or_none(end) for end in result.interval(name)],
             }
             for name, x, d in zip(result.names, result.values, result.deviations, strict=True)
         },
         "correlation": result.correlation.tolist(),
         "not_told_apart": [
-            {"parts": item.parts, "relative_deviation": number(item.deviation)}
+            {"parts": item.parts, "relative_deviation": finite_or_none(item.deviation)}
             for item in result.combinations
         ],
-        "residuals": {name: number(x) for name, x in result.rms().items()},
+        "residuals": {name: finite_or_none(x) for name, x in result.rms().items()},
         "noise": result.noise,
-        "chi2": number(result.chi2),
-        "drift": number(result.drift),
+        "chi2": finite_or_none(result.chi2),
+        "drift": finite_or_none(result.drift),
         "converged": result.converged,
         "doubts": list(doubts(result)),
-        "left": number(result.remaining_move),
+        "left": finite_or_none(result.remaining_move),
         "lost": list(result.rejected),
         "outliers": [vars(item) for item in result.outliers],
         "seconds": result.seconds,

@@ -14,7 +14,7 @@ from fantoccini.app.cli_support import (
 )
 from fantoccini.output.exchange import import_model
 
-_OPTION = "PUPPET"
+_PUPPET_ARGUMENT = "PUPPET"
 
 
 def import_file(
@@ -30,9 +30,9 @@ def import_file(
         force: overwrite existing files.
         quiet: print no report.
     """
-    check_output(out, (".yaml", ".yml"), _OPTION)
+    check_output(out, (".yaml", ".yml"), _PUPPET_ARGUMENT)
     if os.path.exists(out) and not force:
-        fail(f"{out} exists already; use --force to replace it", _OPTION)
+        fail(f"{out} exists already; use --force to replace it", _PUPPET_ARGUMENT)
     imported = import_model(model, keyframe, density)
     with output_errors(out):
         imported.save(out, force)
@@ -40,9 +40,9 @@ def import_file(
         return
     for note in imported.report:
         print_output(note)
-    n, k = len(imported.joints), len(imported.meshes)
-    joints = f"{n} joint{'' if n == 1 else 's'}"
-    meshes = f", {k} mesh{'' if k == 1 else 'es'} beside it" if k else ""
+    n_joints, n_meshes = len(imported.joints), len(imported.meshes)
+    joints = f"{n_joints} joint{'' if n_joints == 1 else 's'}"
+    meshes = f", {n_meshes} mesh{'' if n_meshes == 1 else 'es'} beside it" if n_meshes else ""
     n_notes = len(imported.report)
     summary = f"{n_notes} difference{'' if n_notes == 1 else 's'} from the model"
     print_message(

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from fantoccini.app.cli.rig import print_body_map
 from fantoccini.app.cli_support import (
+    format_number,
     load_marionette,
-    number,
     print_output,
     print_table,
     warn_implausible,
@@ -18,11 +18,11 @@ from fantoccini.kernel.build import describe
 from fantoccini.kernel.codegen import operations
 from fantoccini.model.puppet import bundled_files
 from fantoccini.model.tree import WORLD, DriveRow, LimitRow, StringRow
-from fantoccini.output.view import Still
+from fantoccini.output.view import UncompiledPuppet
 
 _OPTIONAL_COLUMNS = ("restitution", "max_tension", "rewind_speed")
 """Columns of the strings' table that are shown only if a string has them."""
-_PURPOSE = {
+_FUNCTION_PURPOSES = {
     "dynamics": "an evaluation of an event-driven run",
     "step_dynamics": "a time step",
     "columns": "all limits together, once each",
@@ -41,8 +41,8 @@ def list_bundled() -> None:
         lines = []
         for name in names:
             puppet = load_marionette(name)
-            counts = puppet.coordinates
-            lines.append((name, counts.n_vD, len(puppet.tree.strings), counts.n_vK))
+            coordinates = puppet.coordinates
+            lines.append((name, coordinates.n_vD, len(puppet.tree.strings), coordinates.n_vK))
         print_table(title, ("name", "DOF>", "strings>", "driven>"), lines)
 
 
@@ -57,13 +57,16 @@ def describe_puppet(file: str) -> None:
         f"numbers), {coordinates.n_vK} driven ({coordinates.n_qK}), {len(tree.strings)} strings, "
         f"{len(tree.limits)} limits"
     )
-    moving_mass = f"moving mass {number(puppet.mass)} kg"
-    print_output(f"{moving_mass}, weight {number(puppet.weight)} N; {_compilation_text(file)}")
-    if (rules := puppet.puppet.touching) is not None:
+    moving_mass = f"moving mass {format_number(puppet.mass)} kg"
+    print_output(
+        f"{moving_mass}, weight {format_number(puppet.weight)} N; {_compilation_text(file)}"
+    )
+    if (contact_rules := puppet.puppet.touching) is not None:
         print_output(
-            f"contact with {', '.join(rules.meets) or 'nothing'}: friction "
-            f"{number(rules.friction)}, restitution {number(rules.restitution)}, "
-            f"{len(rules.pairs)} pairs with their own"
+            f"contact with {', '.join(contact_rules.meets) or 'nothing'}: friction "
+            f"{format_number(contact_rules.friction)}, restitution "
+            f"{format_number(contact_rules.restitution)}, "
+            f"{len(contact_rules.pairs)} pairs with their own"
         )
     print_output()
     names = [link.name for link in tree.links]
@@ -84,8 +87,11 @@ def describe_puppet(file: str) -> None:
             for link, rotor in zip(tree.links, rotors, strict=True)
         ],
     )
-    taut = Still(puppet.puppet, tree).start()
-    starts = {"dynamic": (coordinates.start_D, taut.q_D), "driven": (coordinates.start_K, taut.q_K)}
+    taut_state = UncompiledPuppet(puppet.puppet, tree).start()
+    starts = {
+        "dynamic": (coordinates.start_D, taut_state.q_D),
+        "driven": (coordinates.start_K, taut_state.q_K),
+    }
     print_table(
         "Coordinates",
         ("name", "role", "unit", "start>"),
@@ -101,7 +107,7 @@ def describe_puppet(file: str) -> None:
             for c in coordinates.rows
         ],
     )
-    winch_columns = [
+    optional_columns = [
         key for key in _OPTIONAL_COLUMNS if any(getattr(string, key) for string in tree.strings)
     ]
     print_table(
@@ -113,10 +119,10 @@ def describe_puppet(file: str) -> None:
             "from",
             "to",
             "points>",
-            *(k.replace("_", " ") for k in winch_columns),
+            *(k.replace("_", " ") for k in optional_columns),
         ),
         [
-            (*_string_cells(puppet, s), *(_value_or_empty(getattr(s, k)) for k in winch_columns))
+            (*_string_cells(puppet, s), *(_value_or_empty(getattr(s, k)) for k in optional_columns))
             for s in tree.strings
         ],
     )
@@ -152,10 +158,14 @@ def describe_puppet(file: str) -> None:
     print_table(
         "Parameters", ("name", "value>"), [(n, float(v)) for n, v in tree.parameters.items()]
     )
-    counts = operations(puppet.equations)
-    lines = [(name, _PURPOSE.get(name, ""), n) for name, n in counts.items()]
+    operation_counts = operations(puppet.equations)
+    function_rows = [
+        (name, _FUNCTION_PURPOSES.get(name, ""), n) for name, n in operation_counts.items()
+    ]
     print_table(
-        "Operations", ("function", "", "count>"), [*lines, ("all", "", sum(counts.values()))]
+        "Operations",
+        ("function", "", "count>"),
+        [*function_rows, ("all", "", sum(operation_counts.values()))],
     )
     flags = describe().get("flags")
     print_output("no compiler was found" if flags is None else f"compiled with {flags}")
@@ -176,8 +186,8 @@ def _print_body_maps(puppet: Marionette) -> None:
 def _compilation_text(file: str) -> str:
     """Text that says whether the cache has the compiled model."""
 
-    def stop(at: Progress) -> None:
-        raise _NotCachedError(at.what)
+    def stop(progress: Progress) -> None:
+        raise _NotCachedError(progress.what)
 
     try:
         load_marionette(file, stop).compile()
@@ -188,15 +198,15 @@ def _compilation_text(file: str) -> str:
     return "compiled"
 
 
-def _start_text(value: float, taut: float) -> str:
+def _start_text(value: float, taut_length: float) -> str:
     """A start value; a length that the file does not give makes its string just taut."""
-    return f"{number(taut)}, just taut" if value != value else number(value)
+    return f"{format_number(taut_length)}, just taut" if value != value else format_number(value)
 
 
 def _value_text(value: Number | None) -> str:
     if isinstance(value, Parameter):
-        return f"{value.parameter} = {number(float(value.value))}"
-    return "driven" if value is None else number(float(value))
+        return f"{value.parameter} = {format_number(float(value.value))}"
+    return "driven" if value is None else format_number(float(value))
 
 
 def _value_or_empty(value: Number | None) -> str:
@@ -216,10 +226,10 @@ def _drive_cells(puppet: Marionette, row: DriveRow) -> tuple[object, ...]:
     """Coordinate, command, ratio n, inertia m + n^2 J, motor and control."""
     drive, unit = row.drive, "kg m^2" if row.drive.drum is None and row.drive.mass is None else "kg"
     n, inertia = row.ratio(puppet.number), row.inertia(puppet.number)
-    parts = [getattr(part, "type", "") for part in (drive.motor, drive.control)]
-    return row.name, row.command_name, number(n), f"{number(inertia)} {unit}", *parts
+    types = [getattr(part, "type", "") for part in (drive.motor, drive.control)]
+    return row.name, row.command_name, format_number(n), f"{format_number(inertia)} {unit}", *types
 
 
 def _bound_text(puppet: Marionette, limit: LimitRow) -> str:
     unit = "m" if puppet.tree.links[limit.link].kind == "prismatic" else "rad"
-    return f"{number(float(limit.bound))} {unit}"
+    return f"{format_number(float(limit.bound))} {unit}"

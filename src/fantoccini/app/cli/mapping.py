@@ -33,9 +33,9 @@ def write_mapping(clip: Path, puppet: str | None, out: Path | None, quiet: bool)
             fail(f"{out} exists already; give another name", "--out")
     with ProgressDisplay(quiet) as display:
         display.stage(f"reading {clip}")
-        read = load_bvh(clip)
-        figure = None if puppet is None else load_marionette(puppet, display.update)
-    text = draft_mapping(read, figure)
+        loaded_clip = load_bvh(clip)
+        marionette = None if puppet is None else load_marionette(puppet, display.update)
+    text = draft_mapping(loaded_clip, marionette)
     if out is None:
         print_output(text.rstrip("\n"))
         return

@@ -109,7 +109,7 @@ def _save(path: Path, optimum: Optimum, display: ProgressDisplay) -> None:
 
 
 def _print_optimum(optimum: Optimum) -> None:
-    low, high = optimum.task.durations
+    shortest, longest = optimum.task.durations
     lines: list[tuple[str, object]] = [
         ("status", optimum.status.name.lower()),
         ("duration [s]", f"{optimum.duration:.4g}"),
@@ -119,8 +119,8 @@ def _print_optimum(optimum: Optimum) -> None:
         ("time [s]", f"{optimum.seconds:.3g}"),
         ("violation of bounds", f"{optimum.violation:.2g}"),
     ]
-    if low < high:
-        lines[1] = (f"duration [s], allowed {low:g} to {high:g}", lines[1][1])
+    if shortest < longest:
+        lines[1] = (f"duration [s], allowed {shortest:g} to {longest:g}", lines[1][1])
     if optimum.task.required_end is not None:
         lines.append(("distance from its end", f"{optimum.end_gap:.2g}"))
     lines += list(optimum.parameters.items())
@@ -135,12 +135,12 @@ def _print_optimum(optimum: Optimum) -> None:
         ("", "place", "time [s]>", "distance [m]>"),
         [
             (
-                contact.touch.body,
-                ", ".join(f"{x:.4g}" for x in contact.touch.place),
-                f"{contact.t:.4f}",
-                f"{contact.distance:.2g}",
+                touched.touch.body,
+                ", ".join(f"{x:.4g}" for x in touched.touch.place),
+                f"{touched.t:.4f}",
+                f"{touched.distance:.2g}",
             )
-            for contact in optimum.closest_approaches
+            for touched in optimum.closest_approaches
         ],
     )
     print_table(

@@ -26,7 +26,7 @@ def perform_play(arguments: PerformArguments) -> None:
     send_to = target_address(arguments.osc_out, "--osc-out")
     if receive_at is not None and receive_at == send_to:
         fail(f"found {receive_at}, which is also --osc-in; needed: another address", "--osc-out")
-    from fantoccini.app.web import open_show
+    from fantoccini.app.web import open_live_play
     from fantoccini.theatre.perform import LivePlay
     from fantoccini.theatre.plays import load_play
     from fantoccini.theatre.script import is_play
@@ -36,10 +36,10 @@ def perform_play(arguments: PerformArguments) -> None:
         raise FileError([Mistake(str(arguments.file), None, "", message)])
     with ProgressDisplay(arguments.quiet) as display:
         display.stage(f"compiling {arguments.file}")
-        show = LivePlay(load_play(arguments.file, on_disk=True))
+        live_play = LivePlay(load_play(arguments.file, on_disk=True))
         display.stage("opening the page")
-        page = open_show(
-            show,
+        page = open_live_play(
+            live_play,
             arguments.theme.value,
             arguments.host,
             arguments.port,

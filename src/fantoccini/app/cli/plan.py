@@ -60,9 +60,9 @@ def plan_file(arguments: PlanArguments) -> None:
             else:
                 checks["event-driven"] = result.verify(method=Event(rtol=1e-9, atol=1e-9))
         if not result.reason:
-            _write(arguments, result, display)
+            _write_outputs(arguments, result, display)
     if not arguments.quiet:
-        _report(result, checks)
+        _print_report(result, checks)
     if not result:
         print_message(f"fantoccini: {result.message}")
         if arguments.show and not result.reason:
@@ -72,7 +72,7 @@ def plan_file(arguments: PlanArguments) -> None:
         show_plan(result, arguments.quiet)
 
 
-def _write(arguments: PlanArguments, result: PlanResult, display: ProgressDisplay) -> None:
+def _write_outputs(arguments: PlanArguments, result: PlanResult, display: ProgressDisplay) -> None:
     if arguments.save is not None:
         result.save(arguments.save)
     if arguments.picture is not None:
@@ -89,7 +89,7 @@ def _write(arguments: PlanArguments, result: PlanResult, display: ProgressDispla
     )
 
 
-def _report(result: PlanResult, checks: dict[str, Check]) -> None:
+def _print_report(result: PlanResult, checks: dict[str, Check]) -> None:
     print_table(
         "Plan",
         ("", ">"),

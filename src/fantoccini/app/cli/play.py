@@ -42,55 +42,61 @@ def play_file(arguments: PlayArguments) -> None:
     if report is not None:
         check_output(report, (".html",), "--report")
     with ProgressDisplay(arguments.quiet) as display:
-        began = time.perf_counter()
+        start_time = time.perf_counter()
         play = load_play(
             arguments.file, progress=display.update, within=arguments.within, on_disk=True
         )
-        compiled = time.perf_counter()
+        compile_end = time.perf_counter()
         check_captions(out, play.score.captions)
         check_time_range(arguments.begin, arguments.end, 0.0, play.duration)
         display.stage(f"simulating and measuring {play.duration:.1f} s")
         within = arguments.within
-        remaining = None if within is None else max(within - (compiled - began), 0.0)
+        remaining = None if within is None else max(within - (compile_end - start_time), 0.0)
         verification = verify_play(play, within=remaining)
-        verified = time.perf_counter()
+        verify_end = time.perf_counter()
     # Printed first, because the outputs may take longer than everything else.
     if not arguments.quiet:
-        _print(verification)
+        _print_acts(verification)
         report_score(play.score, out)
-        _summary(verification, compiled - began, verified - compiled)
+        _print_summary(verification, compile_end - start_time, verify_end - compile_end)
     for change in play.changes:
         print_message(str(change))
     for fault in verification.faults:
         print_message(f"{arguments.file}: {fault}")
-    _write(arguments, verification, out)
+    _write_outputs(arguments, verification, out)
     if play.deviations or not verification:
         raise typer.Exit(FAILED)
 
 
-def _write(arguments: PlayArguments, verification: Verification, out: list[Path]) -> None:
+def _write_outputs(arguments: PlayArguments, verification: Verification, out: list[Path]) -> None:
     """Writes the report and the outputs."""
     play, output_options = verification.play, arguments.output_options
     with ProgressDisplay(arguments.quiet) as display:
         if arguments.report is not None:
             from fantoccini.output import reports
 
-            drawing = display.bar(f"drawing {arguments.report}")
-            reports.play_report(verification, arguments.report, progress=drawing)
+            report_progress = display.bar(f"drawing {arguments.report}")
+            reports.play_report(verification, arguments.report, progress=report_progress)
         if out:
             from fantoccini.output.view import AUDIENCE
 
-            films = {**film_options(play.score), "follow": False}
+            film_arguments = {**film_options(play.score), "follow": False}
             if output_options.view is None:
                 output_options = replace(output_options, view=AUDIENCE)
-                films["shots"] = play.shots
+                film_arguments["shots"] = play.shots
             run = verification.run
             write_outputs(
-                play.marionette, run, out, None, display, output_options=output_options, films=films
+                play.marionette,
+                run,
+                out,
+                None,
+                display,
+                output_options=output_options,
+                film_options=film_arguments,
             )
 
 
-def checked_play(path: Path) -> str:
+def play_counts_text(path: Path) -> str:
     """Line with the numbers of players, acts and cues of a play.
 
     Raises:
@@ -99,17 +105,17 @@ def checked_play(path: Path) -> str:
     file = check_play(path)
     cues = sum(len(act.cues) for act in file.acts)
     return ", ".join(
-        _count(n, what)
-        for n, what in ((len(file.cast), "player"), (len(file.acts), "act"), (cues, "cue"))
+        _count_text(n, noun)
+        for n, noun in ((len(file.cast), "player"), (len(file.acts), "act"), (cues, "cue"))
     )
 
 
-def _print(verification: Verification) -> None:
+def _print_acts(verification: Verification) -> None:
     """Prints the cues of every act with their planned and observed times."""
     play = verification.play
-    times_of: dict[int, list[tuple[str, ...]]] = {}
+    cells_by_cue: dict[int, list[tuple[str, ...]]] = {}
     for observation in verification.cues:
-        times_of.setdefault(observation.cue.number, []).append(
+        cells_by_cue.setdefault(observation.cue.number, []).append(
             (
                 observation.who,
                 f"{observation.wanted:.2f}",
@@ -118,7 +124,7 @@ def _print(verification: Verification) -> None:
             )
         )
     for name, start in play.acts.items():
-        lines = []
+        rows = []
         for cue in play.cues:
             if cue.act != name:
                 continue
@@ -126,9 +132,9 @@ def _print(verification: Verification) -> None:
             action += f", {cue.passes}" if cue.passes else ""
             planned = f"{cue.wanted:.2f}"
             refusal = "left out" if cue.optional else "cannot be done"
-            refused = [(", ".join(cue.who), planned, refusal, "")] if cue.refused else []
-            for times in refused or times_of.get(cue.number, []):
-                lines.append((cue.number, cue.line, action, *times))
+            refused_cells = [(", ".join(cue.who), planned, refusal, "")] if cue.refused else []
+            for cells in refused_cells or cells_by_cue.get(cue.number, []):
+                rows.append((cue.number, cue.line, action, *cells))
         header = (
             "cue>",
             "line>",
@@ -138,26 +144,26 @@ def _print(verification: Verification) -> None:
             "observed [s]>",
             "late [ms]>",
         )
-        print_table(f"{name}, from {start:.2f} s", header, lines)
+        print_table(f"{name}, from {start:.2f} s", header, rows)
 
 
-def _summary(verification: Verification, compiling: float, verifying: float) -> None:
+def _print_summary(verification: Verification, compiling: float, verifying: float) -> None:
     play = verification.play
     marionette = play.marionette
     print_output(
-        f"{play.duration:.1f} s, {_count(len(play.cast.players), 'player')}, "
+        f"{play.duration:.1f} s, {_count_text(len(play.cast.players), 'player')}, "
         f"{marionette.coordinates.n_vD} degrees of freedom, "
-        f"{_count(len(marionette.tree.strings), 'string')}, {marionette.coordinates.n_vK} driven "
-        f"coordinates; compiled in {compiling:.1f} s, {_count(play.rounds, 'round')}, "
+        f"{_count_text(len(marionette.tree.strings), 'string')}, {marionette.coordinates.n_vK} "
+        f"driven coordinates; compiled in {compiling:.1f} s, {_count_text(play.rounds, 'round')}, "
         f"verified in {verifying:.1f} s"
     )
-    worst = f"no cue is off by more than {1e3 * verification.max_lateness:.0f} ms"
-    broken = len(verification.faults)
-    verdict = _count(broken, "fault") if broken else "the run meets every requirement"
-    print_output(f"{play.counts}; {worst}; {verdict}")
+    worst_text = f"no cue is off by more than {1e3 * verification.max_lateness:.0f} ms"
+    n_faults = len(verification.faults)
+    verdict = _count_text(n_faults, "fault") if n_faults else "the run meets every requirement"
+    print_output(f"{play.counts}; {worst_text}; {verdict}")
     for reason in dict.fromkeys(verification.stepping_reasons):
         print_output(f"time steps of 0.25 ms were taken during contacts: {reason}")
 
 
-def _count(n: int, noun: str) -> str:
+def _count_text(n: int, noun: str) -> str:
     return f"{n} {noun}{'' if n == 1 else 's'}"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from fantoccini.app.cli_support import ProgressDisplay, load_marionette, print_output, print_table
 from fantoccini.lab import validate_reduction
 
-_WORDS = {True: "holds", False: "fails", None: "-"}
+_VERDICTS = {True: "holds", False: "fails", None: "-"}
 
 
 def validate_file(file: str, quiet: bool) -> None:
@@ -19,6 +19,6 @@ def validate_file(file: str, quiet: bool) -> None:
         puppet = load_marionette(file, display.update)
         display.stage("examining the kinetic energy and taut strings")
         report = validate_reduction(puppet)
-    lines = [(claim.text, _WORDS[claim.holds], claim.evidence) for claim in report.claims]
+    lines = [(claim.text, _VERDICTS[claim.holds], claim.evidence) for claim in report.claims]
     print_table(f"Section VI for {report.name}", ("claim", "", "evidence"), lines)
     print_output(report.conclusion)

@@ -23,7 +23,7 @@ from fantoccini.motion import State, Trajectory
 
 _RUN_DURATION = 1e-3
 """Duration of the run whose first sample has the tensions and contact forces at rest [s]."""
-_RAD = {"rad": 180.0 / np.pi}
+_DEGREES_PER_UNIT = {"rad": 180.0 / np.pi}
 
 
 def describe_rest(file: str, start: list[str], out: Path | None, quiet: bool) -> None:
@@ -65,8 +65,8 @@ def _print_strings(puppet: Marionette, x: State, run: Trajectory) -> None:
     lengths = puppet.string_lengths(x.q_D, x.q_K)
     lines = []
     for i, (name, points) in enumerate(puppet.string_points(x.q_D, x.q_K).items()):
-        span = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
-        slack = 1e3 * max(0.0, float(lengths[i]) - span)
+        path_length = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
+        slack = 1e3 * max(0.0, float(lengths[i]) - path_length)
         tension = f"{run.tension.values[0, i]:.4f}"
         state = "taut" if float(tension) > 0.0 else "straight, without tension"
         if not run.taut.values[0, i]:
@@ -81,7 +81,11 @@ def _print_coordinates(puppet: Marionette, x: State) -> None:
     for row in puppet.coordinates.rows:
         if row.index is not None:
             value = float(values[row.role][row.index])
-            degrees = f"{value * _RAD[row.unit]:.2f} deg" if row.unit in _RAD else ""
+            degrees = (
+                f"{value * _DEGREES_PER_UNIT[row.unit]:.2f} deg"
+                if row.unit in _DEGREES_PER_UNIT
+                else ""
+            )
             lines.append((row.name, row.role, f"{value:z.6f}", row.unit, degrees))
     print_table("Coordinates", ("name", "role", "value>", "unit", ""), lines)
 
@@ -89,11 +93,11 @@ def _print_coordinates(puppet: Marionette, x: State) -> None:
 def _print_contacts(run: Trajectory) -> None:
     if run.contact is None:
         return
-    points = run.contact
+    contact_points = run.contact
     lines = []
-    for k, names in enumerate(points.names):
-        chosen = (points.sample == 0) & (points.pair == k)
-        if np.any(chosen):
-            force = np.linalg.norm(points.force[chosen].sum(axis=0))
-            lines.append((" on ".join(names), f"{force:.4f}", int(np.sum(chosen))))
+    for k, names in enumerate(contact_points.names):
+        of_pair = (contact_points.sample == 0) & (contact_points.pair == k)
+        if np.any(of_pair):
+            force = np.linalg.norm(contact_points.force[of_pair].sum(axis=0))
+            lines.append((" on ".join(names), f"{force:.4f}", int(np.sum(of_pair))))
     print_table("Contacts", ("pair", "force [N]>", "points>"), lines)

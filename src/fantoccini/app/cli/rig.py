@@ -9,7 +9,7 @@ from fantoccini.app.cli_support import (
     ProgressDisplay,
     check_output,
     fail,
-    number,
+    format_number,
     output_errors,
     print_message,
     print_output,
@@ -22,7 +22,7 @@ from fantoccini.dynamics.marionette import Marionette
 from fantoccini.model import BodyMap, rig_of
 from fantoccini.model.puppet import bundled_files, dump, load
 
-_FILE = "FILE"
+_FILE_ARGUMENT = "FILE"
 """Name of the argument for the puppet file, in messages."""
 
 
@@ -38,11 +38,13 @@ def write_rig(file: str, out: Path | None, force: bool, quiet: bool) -> None:
     path = puppet_path(file)
     bundled = map(bundled_files.path, (*bundled_files.names(), *bundled_files.scenes()))
     if path.resolve() in {file.resolve() for file in bundled}:
-        fail(f"{file} is a bundled puppet; copy {path} and name the copy", _FILE)
+        fail(f"{file} is a bundled puppet; copy {path} and name the copy", _FILE_ARGUMENT)
     if has_key(path, "scene"):
-        fail(f"{file} is a scene; name the file of one of its puppets", _FILE)
+        fail(f"{file} is a scene; name the file of one of its puppets", _FILE_ARGUMENT)
     if has_key(path, "rig") and not force:
-        fail(f"{file} has a rig already; use --force to replace it by the one found", _FILE)
+        fail(
+            f"{file} has a rig already; use --force to replace it by the one found", _FILE_ARGUMENT
+        )
     picture = path.with_name(f"{path.stem}_rig.png") if out is None else out
     check_output(picture, PICTURE_SUFFIXES, "--out")
     with ProgressDisplay(quiet) as display:
@@ -92,15 +94,15 @@ def print_body_map(body_map: BodyMap, member: str = "") -> None:
         f"the puppet looks along {_point(body_map.facing)} in the frame of "
         f"{body_map.trunk[0]}{control}"
     )
-    listed = {part for part, *_ in lines}
+    printed_parts = {part for part, *_ in lines}
     for doubt in body_map.doubts:
-        if doubt.part not in listed:
+        if doubt.part not in printed_parts:
             print_output(f"{doubt.part}: {doubt.reason}")
     print_output()
 
 
 def _point(point: tuple[float, float, float]) -> str:
-    return ", ".join(number(x) for x in point)
+    return ", ".join(format_number(x) for x in point)
 
 
 def _draw(puppet: Marionette, body_map: BodyMap, picture: Path) -> None:

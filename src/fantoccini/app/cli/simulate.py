@@ -97,12 +97,12 @@ def simulate_file(arguments: SimulateArguments) -> None:
         if x0 is None:
             x0 = start_state(puppet, inputs, start_values, arguments.quiet)
         check_time_range(arguments.begin, arguments.end, x0.t, x0.t + duration)
-        method, options = _method(arguments, x0.t, duration)
+        method, options = _method_and_sampling(arguments, x0.t, duration)
         options["time_limit"] = arguments.time_limit
         run, seconds, reason = simulate_with_progress(
             display, puppet, x0, inputs, duration, method, **options
         )
-        not_written = None
+        output_error = None
         try:
             write_outputs(
                 puppet,
@@ -111,10 +111,10 @@ def simulate_file(arguments: SimulateArguments) -> None:
                 arguments.plot,
                 display,
                 output_options=output_options,
-                films=film_options,
+                film_options=film_options,
             )
         except OutputError as error:
-            not_written = error  # the summary of the run comes first
+            output_error = error  # the summary of the run comes first
     if not arguments.quiet:
         if file_motion is not None:
             if file_motion.score is not None:
@@ -123,8 +123,8 @@ def simulate_file(arguments: SimulateArguments) -> None:
                 report_lateness(file_motion.rehearsal)
         report_run(run, seconds)
         suggest_faster(arguments, run, seconds)
-    if not_written is not None:
-        raise not_written
+    if output_error is not None:
+        raise output_error
     exit_if_stopped(run, reason)
 
 
@@ -163,7 +163,7 @@ def simulate_with_progress(
     Returns:
         The run, its computing time [s], and the reason why it stopped early (else empty).
     """
-    began, reason = time.perf_counter(), ""
+    start_time, reason = time.perf_counter(), ""
     try:
         run = simulate(
             marionette,
@@ -178,7 +178,7 @@ def simulate_with_progress(
         if error.trajectory is None:
             raise
         run, reason = error.trajectory, str(error)
-    return run, time.perf_counter() - began, reason
+    return run, time.perf_counter() - start_time, reason
 
 
 def exit_if_stopped(run: Trajectory, reason: str) -> None:
@@ -191,14 +191,14 @@ def exit_if_stopped(run: Trajectory, reason: str) -> None:
 def suggest_faster(arguments: SimulateArguments, run: Trajectory, seconds: float) -> None:
     """Suggests faster options after a run slower than real time."""
     if run.method == "event" and seconds > run.duration > 0.0:
-        fewer = "" if arguments.rate else "; --rate 60 saves fewer samples"
+        rate_hint = "" if arguments.rate else "; --rate 60 saves fewer samples"
         print_message(
             f"slower than real time: {seconds / run.duration:.3g} s per second of motion; "
-            f"--method timestepping is faster and less accurate{fewer}"
+            f"--method timestepping is faster and less accurate{rate_hint}"
         )
 
 
-def _method(
+def _method_and_sampling(
     arguments: SimulateArguments, start: float, duration: float
 ) -> tuple[Method, dict[str, Any]]:
     """Method, and the arguments of :func:`simulate` that select the samples to save."""
@@ -215,16 +215,19 @@ def _method(
         times = start + np.arange(1, int(rate * duration) + 1) / rate
         return method, {"save_at": times[times <= start + duration]}
     dt = arguments.dt or _DT
-    n = duration / dt
-    if n > _BOUNDS.n_steps:
-        fail(f"{n:.3g} steps exceed the limit of {_BOUNDS.n_steps:g}; increase the step", "--dt")
+    n_steps = duration / dt
+    if n_steps > _BOUNDS.n_steps:
+        fail(
+            f"{n_steps:.3g} steps exceed the limit of {_BOUNDS.n_steps:g}; increase the step",
+            "--dt",
+        )
     if rate is not None and rate * dt > 1.0 + 1e-9:
         fail(f"steps of {dt:g} s give at most {1.0 / dt:g} samples per second", "--rate")
     # Rounded down, to save at least as many samples as requested.
-    interval = 1 if rate is None else int(1.0 / (rate * dt) + 1e-9)
-    interval = max(interval, math.ceil(n / _BOUNDS.n_samples))
-    fixed = TimeStepping(dt=dt) if arguments.method == "timestepping" else Variational(dt=dt)
-    return fixed, {"save_every": interval}
+    save_every = 1 if rate is None else int(1.0 / (rate * dt) + 1e-9)
+    save_every = max(save_every, math.ceil(n_steps / _BOUNDS.n_samples))
+    fixed_step = TimeStepping(dt=dt) if arguments.method == "timestepping" else Variational(dt=dt)
+    return fixed_step, {"save_every": save_every}
 
 
 def _check_options(arguments: SimulateArguments) -> None:

@@ -28,11 +28,11 @@ from fantoccini.stand import (
     check_stand,
     find_slower_tempo,
     load_stand,
-    lost_lines,
+    lost_step_lines,
     remedies,
 )
 
-_MAX_NAMED = 12
+_MAX_LISTED_LIMITS = 12
 """Largest number of broken limits that are listed."""
 
 
@@ -50,7 +50,7 @@ def check_run(
         check_output(report, (".html",), "--report")
     loaded_stand = load_stand(stand)
     with ProgressDisplay(quiet or as_json) as display:
-        marionette, trajectory = motion_of(run, puppet, display)
+        marionette, trajectory = load_run(run, puppet, display)
         display.stage("checking")
         result = check_stand(loaded_stand, trajectory, marionette)
         tempo: tuple[SlowedRun | None, str] | None = None
@@ -63,14 +63,14 @@ def check_run(
             display.stage(f"drawing {report}")
             reports.stand_report(result, report, tempo)
     if as_json:
-        print_output(json.dumps(as_data(result, tempo), indent=2))
+        print_output(json.dumps(to_json_data(result, tempo), indent=2))
     elif not quiet:
-        _print(result, tempo)
+        _print_check(result, tempo)
     if not result.ok:
         raise typer.Exit(FAILED)
 
 
-def motion_of(
+def load_run(
     path: Path, puppet: str | None, display: ProgressDisplay
 ) -> tuple[Marionette, Trajectory]:
     """Puppet and motion of a run or a recording."""
@@ -81,28 +81,31 @@ def motion_of(
         return recording.marionette, recording.trajectory
     run = Trajectory.load(path)
     if puppet is not None:
-        loaded, table = load_marionette(puppet, display.update), run.coordinates
-        if (loaded.coordinates.q_D, loaded.coordinates.v_K) != (table.q_D, table.v_K):
+        marionette, coordinates = load_marionette(puppet, display.update), run.coordinates
+        if (marionette.coordinates.q_D, marionette.coordinates.v_K) != (
+            coordinates.q_D,
+            coordinates.v_K,
+        ):
             fail(f"{puppet} has other coordinates than the run", "--puppet")
-        return loaded, run
+        return marionette, run
     if run.puppet is None:
         text = "the run does not say what its puppet is; needed: --puppet FILE"
         raise FileError([Mistake(str(path), None, "", text)])
     return Marionette(run.puppet, display.update), run
 
 
-def _print(check: StandCheck, tempo: tuple[SlowedRun | None, str] | None) -> None:
-    quantities = _columns(check)
+def _print_check(check: StandCheck, tempo: tuple[SlowedRun | None, str] | None) -> None:
+    quantities = _checked_quantities(check)
     lines = []
     for axis in check.axes:
         cells = [check.margin_text(axis.name, q) for q in quantities]
         lines.append((axis.name, axis.kind, *cells))
     print_table("Margins [%]", ("axis", "motor", *(f"{q}>" for q in quantities)), lines)
-    for limit in check.broken[:_MAX_NAMED]:
-        print_output(f"from t = {limit.broken:.3f} s: {limit} (exceeded by {limit.over})")
-    if len(check.broken) > _MAX_NAMED:
-        print_output(f"and {len(check.broken) - _MAX_NAMED} more")
-    for line in lost_lines(check):
+    for limit in check.broken[:_MAX_LISTED_LIMITS]:
+        print_output(f"from t = {limit.broken:.3f} s: {limit} (exceeded by {limit.excess_text})")
+    if len(check.broken) > _MAX_LISTED_LIMITS:
+        print_output(f"and {len(check.broken) - _MAX_LISTED_LIMITS} more")
+    for line in lost_step_lines(check):
         print_output(line)
     for line in remedies(check):
         print_output(f"remedy: {line}")
@@ -113,14 +116,14 @@ def _print(check: StandCheck, tempo: tuple[SlowedRun | None, str] | None) -> Non
     print_output(check.summary())
 
 
-def _columns(check: StandCheck) -> list[str]:
+def _checked_quantities(check: StandCheck) -> list[str]:
     checked = {limit.quantity for limit in check.limits} | {"torque"}
     return [quantity for quantity in QUANTITIES if quantity in checked]
 
 
-def as_data(check: StandCheck, tempo: tuple[SlowedRun | None, str] | None) -> dict[str, Any]:
+def to_json_data(check: StandCheck, tempo: tuple[SlowedRun | None, str] | None) -> dict[str, Any]:
     """The printed results as plain data."""
-    slow = None if tempo is None else tempo[0]
+    slowed_run = None if tempo is None else tempo[0]
     return {
         "stand": check.map.stand.name,
         "ok": check.ok,
@@ -134,10 +137,10 @@ def as_data(check: StandCheck, tempo: tuple[SlowedRun | None, str] | None) -> di
         if tempo is None
         else {
             "text": tempo[1],
-            "factor": None if slow is None else slow.factor,
-            "margin": None if slow is None else slow.check.margin,
-            "apart": None if slow is None else slow.deviation,
-            "rms": None if slow is None else slow.rms,
+            "factor": None if slowed_run is None else slowed_run.factor,
+            "margin": None if slowed_run is None else slowed_run.check.margin,
+            "apart": None if slowed_run is None else slowed_run.deviation,
+            "rms": None if slowed_run is None else slowed_run.rms,
         },
         "notes": list(check.notes),
     }

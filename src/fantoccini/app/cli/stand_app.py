@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from fantoccini.app.cli.stand_arguments import StandExportArguments, StandStreamArguments
-from fantoccini.app.cli_support import Quiet, positive, with_arguments
+from fantoccini.app.cli_support import Quiet, require_positive, with_arguments
 
 stand_app = typer.Typer(
     help="Check whether a stand can do a run, and send it set points.",
@@ -53,9 +53,9 @@ def stand_export(arguments: StandExportArguments) -> None:
     The ending of OUT selects the format: .csv, .gcode or .nc, .cfg (a Klipper macro), .json or
     .yaml (a ROS 2 JointTrajectory). Exits with 1 if the stand cannot do the run.
     """
-    from fantoccini.app.cli.stand_motion import export
+    from fantoccini.app.cli.stand_motion import export_points
 
-    export(arguments)
+    export_points(arguments)
 
 
 @stand_app.command("stream")
@@ -83,7 +83,7 @@ def stand_emulate(
         float | None,
         typer.Option(
             metavar="N",
-            callback=positive,
+            callback=require_positive,
             help="Set points per second for which GRBL is configured [50].",
         ),
     ] = None,
@@ -103,6 +103,6 @@ def stand_emulate(
     Prints its port or address. Ends at the end of the received program (M2), when packets stop, or
     with Ctrl-C.
     """
-    from fantoccini.app.cli.stand_motion import emulate
+    from fantoccini.app.cli.stand_motion import emulate_controllers
 
-    emulate(stand, controller, rate, listen, out, quiet)
+    emulate_controllers(stand, controller, rate, listen, out, quiet)

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from fantoccini.app.cli_support import Quiet, positive
+from fantoccini.app.cli_support import Quiet, require_positive
 
 StandFile = Annotated[
     str, typer.Argument(metavar="STAND", help="Stand file, or name of a bundled stand.")
@@ -30,7 +30,7 @@ class StandMotionOptions:
         float | None,
         typer.Option(
             metavar="N",
-            callback=positive,
+            callback=require_positive,
             help="Set points per second [the controller's; 50 for G-code].",
         ),
     ] = None

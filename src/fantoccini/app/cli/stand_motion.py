@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from fantoccini.app.cli.perform import address_of
-from fantoccini.app.cli.stand import motion_of
+from fantoccini.app.cli.stand import load_run
 from fantoccini.app.cli.stand_arguments import (
     StandExportArguments,
     StandMotionOptions,
@@ -29,7 +29,7 @@ from fantoccini.app.cli_support import (
 )
 from fantoccini.base import Array, StandError, Times, replacing
 from fantoccini.stand import (
-    ENDINGS,
+    SET_POINT_SUFFIXES,
     ArtNet,
     Emulator,
     Grbl,
@@ -40,47 +40,49 @@ from fantoccini.stand import (
     Receiver,
     SetPoints,
     Stand,
-    controlled,
     grbl_settings,
     load_stand,
     positions_together,
     save_points,
     set_points,
     start_waits,
+    with_controller,
 )
 
-_RATE = 50.0
+_DEFAULT_RATE = 50.0
 """Default number of set points per second for which an emulated GRBL is configured."""
 _SAMPLE_RATE = 100.0
 """Rate at which the positions of the emulator's motors are written [Hz]."""
 
 
-def export(arguments: StandExportArguments) -> None:
+def export_points(arguments: StandExportArguments) -> None:
     """Writes the set points of a run to a file."""
-    check_output(arguments.out, ENDINGS, "OUT")
+    check_output(arguments.out, SET_POINT_SUFFIXES, "OUT")
     with ProgressDisplay(arguments.quiet) as display:
-        points = _points(arguments, arguments.stand, arguments.run, display)
-        parts = {_path_of(arguments.out, name): part for name, part in points.parts.items()}
-        for path, part in parts.items():
+        points = _load_points(arguments, arguments.stand, arguments.run, display)
+        points_by_path = {
+            _part_path(arguments.out, name): part for name, part in points.parts.items()
+        }
+        for path, part in points_by_path.items():
             display.stage(f"writing {path}")
             with output_errors(path):
                 save_points(part, path)
     if not arguments.quiet:
-        for path, part in parts.items():
+        for path, part in points_by_path.items():
             seconds = part.motion.t[-1]
             print_output(f"{path}: {len(part)} set points of {len(part.axes)} axes, {seconds:g} s")
 
 
-def _path_of(out: Path, name: str) -> Path:
+def _part_path(out: Path, name: str) -> Path:
     """Path of the file for one of several controllers: OUT with its name before the ending."""
     return out.with_name(f"{out.stem}-{name}{out.suffix}") if name else out
 
 
 def stream_run(arguments: StandStreamArguments) -> None:
     """Sends the set points of a run: G-code to a serial port, or packets over a network."""
-    serial_ports(controlled(load_stand(arguments.stand), arguments.controller), arguments)
+    serial_ports(with_controller(load_stand(arguments.stand), arguments.controller), arguments)
     with ProgressDisplay(arguments.quiet) as display:
-        points = _points(arguments, arguments.stand, arguments.run, display)
+        points = _load_points(arguments, arguments.stand, arguments.run, display)
     controllers = [part.controller for part in points.parts.values()]
     if isinstance(controllers[0], Osc | ArtNet):
         send_packets(points, arguments)
@@ -93,7 +95,7 @@ def stream_run(arguments: StandStreamArguments) -> None:
         )
 
 
-def emulate(
+def emulate_controllers(
     stand: str,
     controller: str | None,
     rate: float | None,
@@ -104,20 +106,20 @@ def emulate(
     """Emulates the controllers until their programs end or packets stop."""
     if out is not None:
         check_output(out, (".csv",), "--out")
-    whole = controlled(load_stand(stand), controller)
-    kinds = [part.controller for part in whole.parts.values()]
-    types = ", ".join(getattr(kind, "type", "") for kind in kinds)
-    if isinstance(kinds[0], Osc | ArtNet):
+    loaded_stand = with_controller(load_stand(stand), controller)
+    controllers = [part.controller for part in loaded_stand.parts.values()]
+    type_names = ", ".join(getattr(part_controller, "type", "") for part_controller in controllers)
+    if isinstance(controllers[0], Osc | ArtNet):
         if rate is not None:
-            fail(f"applies to G-code, and the controller is {types}", "--rate")
-        receiver = _listen(whole, kinds[0], listen, quiet)
+            fail(f"applies to G-code, and the controller is {type_names}", "--rate")
+        receiver = _receive_packets(loaded_stand, controllers[0], listen, quiet)
         csv_text = ""
         if len(receiver):
-            csv_text = _positions_csv(receiver.t[-1], receiver.positions, list(whole.axes))
+            csv_text = _positions_csv(receiver.t[-1], receiver.positions, list(loaded_stand.axes))
     else:
         if listen is not None:
-            fail(f"applies to osc and artnet, but this stand has {types}", "--listen")
-        csv_text = _emulate_lines(whole, rate or _RATE, quiet)
+            fail(f"applies to osc and artnet, but this stand has {type_names}", "--listen")
+        csv_text = _emulate_lines(loaded_stand, rate or _DEFAULT_RATE, quiet)
     if out is not None and csv_text:
         with output_errors(out), replacing(out) as temporary:
             temporary.write_text(csv_text, encoding="utf-8")
@@ -128,8 +130,8 @@ def _emulate_lines(stand: Stand, rate: float, quiet: bool) -> str:
     parts = stand.parts
     settings = {name: grbl_settings(part, part.controller, rate) for name, part in parts.items()}
     machines = _serve(settings, quiet)
-    order = [axis for part in parts.values() for axis in part.axes]
-    columns = [order.index(name) for name in stand.axes]
+    axis_order = [axis for part in parts.values() for axis in part.axes]
+    columns = [axis_order.index(name) for name in stand.axes]
     waits = start_waits(machines)
     return _positions_csv(
         max(machine.time + wait for machine, wait in zip(machines, waits, strict=True)),
@@ -140,7 +142,10 @@ def _emulate_lines(stand: Stand, rate: float, quiet: bool) -> str:
 
 def _serve(settings: Mapping[str, GrblSettings], quiet: bool) -> list[GrblMachine]:
     """Emulates GRBLs on pseudo-terminals, whose names it prints; returns them after their ends."""
-    emulators = [_emulator(name, own, quiet) for name, own in settings.items()]
+    emulators = [
+        _emulator(name, controller_settings, quiet)
+        for name, controller_settings in settings.items()
+    ]
     with contextlib.ExitStack() as stack:
         for name, (emulator, _) in zip(settings, emulators, strict=True):
             stack.enter_context(emulator)
@@ -154,9 +159,9 @@ def _serve(settings: Mapping[str, GrblSettings], quiet: bool) -> list[GrblMachin
     for name, (emulator, _) in zip(settings, emulators, strict=True):
         emulator.machine.finish()
         if not quiet:
-            before = f"{name}: " if name else ""
+            prefix = f"{name}: " if name else ""
             print_message(
-                f"{before}{len(emulator.lines)} lines, {emulator.machine.time:.3f} s of motion, at "
+                f"{prefix}{len(emulator.lines)} lines, {emulator.machine.time:.3f} s of motion, at "
                 f"most {emulator.max_buffered} characters in the buffer, {emulator.overrun} lost"
             )
     return [emulator.machine for emulator, _ in emulators]
@@ -175,7 +180,9 @@ def _emulator(name: str, settings: GrblSettings, quiet: bool) -> tuple[Emulator,
     return Emulator(GrblMachine(settings), on_line=log_line), ended
 
 
-def _listen(stand: Stand, controller: Osc | ArtNet, listen: str | None, quiet: bool) -> Receiver:
+def _receive_packets(
+    stand: Stand, controller: Osc | ArtNet, listen: str | None, quiet: bool
+) -> Receiver:
     """Emulates motors that packets control."""
     with Receiver(stand, controller, *(address_of(listen, "--listen") or ())) as receiver:
         print_output("{}:{}".format(*receiver.address))
@@ -185,22 +192,22 @@ def _listen(stand: Stand, controller: Osc | ArtNet, listen: str | None, quiet: b
                 time.sleep(0.1)
     if not quiet:
         seconds = receiver.t[-1] if len(receiver) else 0.0
-        print_message(f"{len(receiver)} packets in {seconds:.3f} s, {receiver.wrong} wrong")
+        print_message(f"{len(receiver)} packets in {seconds:.3f} s, {receiver.n_unreadable} wrong")
     return receiver
 
 
 def _positions_csv(end: float, positions: Callable[[Times], Array], names: list[str]) -> str:
     t = np.arange(int(end * _SAMPLE_RATE) + 2) / _SAMPLE_RATE
     lines = [",".join(["t [s]", *names])]
-    for at, row in zip(t, positions(t), strict=True):
-        lines.append(",".join([f"{at:.3f}", *(f"{x:.4f}" for x in row)]))
+    for t_sample, row in zip(t, positions(t), strict=True):
+        lines.append(",".join([f"{t_sample:.3f}", *(f"{x:.4f}" for x in row)]))
     return "\n".join([*lines, ""])
 
 
-def _points(
+def _load_points(
     options: StandMotionOptions, stand: str, run: Path, display: ProgressDisplay
 ) -> SetPoints:
-    marionette, trajectory = motion_of(run, options.puppet, display)
+    marionette, trajectory = load_run(run, options.puppet, display)
     display.stage("checking, and computing set points")
     return set_points(
         stand,

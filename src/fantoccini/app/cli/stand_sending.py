@@ -33,17 +33,17 @@ from fantoccini.stand import (
     Grbl,
     Marlin,
     Program,
-    Sending,
+    SendCounts,
     SetPoints,
     Stand,
-    Streamed,
-    check_first,
-    first_lost,
+    StreamCounts,
+    check_start_time,
+    first_lost_line,
+    gcode_lines,
     gcode_program,
-    lines_of,
-    packets_of,
-    resumed,
-    resumed_points,
+    packet_encoder,
+    resume_lines,
+    resume_points,
     send_points,
     serial_port,
     slow_feed,
@@ -61,13 +61,13 @@ def send_lines(points: SetPoints, arguments: StandStreamArguments) -> None:
     with ProgressDisplay(arguments.quiet) as display:
         display.stage("timing the moves")
         if arguments.from_time is not None:
-            points = resumed_points(points, arguments.from_time)
+            points = resume_points(points, arguments.from_time)
         by_controller = points.parts
         programs = {name: gcode_program(part) for name, part in by_controller.items()}
-    lines = {name: lines_of(program.text) for name, program in programs.items()}
+    lines = {name: gcode_lines(program.text) for name, program in programs.items()}
     if arguments.from_line is not None:
         (text,) = (program.text for program in programs.values())
-        lines = {"": resumed(text, arguments.from_line, slow_feed(points))}
+        lines = {"": resume_lines(text, arguments.from_line, slow_feed(points))}
     if arguments.dry_run:
         for name, program_lines in lines.items():
             for line in program_lines:
@@ -76,7 +76,7 @@ def send_lines(points: SetPoints, arguments: StandStreamArguments) -> None:
     if not arguments.quiet:
         print_message("sending; Ctrl-C holds")
     started = time.monotonic()
-    counts = {name: Streamed() for name in by_controller}
+    counts = {name: StreamCounts() for name in by_controller}
     try:
         with contextlib.ExitStack() as stack:
             hold = stack.enter_context(_hold_on_interrupt())
@@ -113,16 +113,14 @@ def send_lines(points: SetPoints, arguments: StandStreamArguments) -> None:
         print_message(f"all lines acknowledged after {time.monotonic() - started:.1f} s")
 
 
-def _check_line_options(stand: Stand, arguments: StandStreamArguments) -> None:
+def _check_line_options(kinds: str, has_several: bool, arguments: StandStreamArguments) -> None:
     """Raises a usage error for options that do not apply to the controllers."""
-    kinds = ", ".join(part.controller.type for part in stand.parts.values())
-    are_several = "" not in stand.parts
     if arguments.to is not None:
         fail(f"applies to osc and artnet, but this stand has {kinds}", "--to")
-    if arguments.from_time is not None and not are_several:
+    if arguments.from_time is not None and not has_several:
         text = f"applies to osc, artnet or several controllers, but this stand has one, {kinds}"
         fail(f"{text}; needed: --from-line N", "--from-time")
-    if arguments.from_line is not None and are_several:
+    if arguments.from_line is not None and has_several:
         text = "applies to stands with one controller; several continue at a common time"
         fail(f"{text}; needed: --from-time S", "--from-line")
 
@@ -137,15 +135,17 @@ def serial_ports(stand: Stand, arguments: StandStreamArguments) -> dict[str, str
         StandError: a port does not exist.
     """
     controllers = {name: part.controller for name, part in stand.parts.items()}
-    if not all(isinstance(controller, Grbl | Marlin) for controller in controllers.values()):
+    serial = {name: c for name, c in controllers.items() if isinstance(c, Grbl | Marlin)}
+    if len(serial) < len(controllers):
         return {}
-    _check_line_options(stand, arguments)
+    has_several = "" not in serial
+    kinds = ", ".join(controller.type for controller in serial.values())
+    _check_line_options(kinds, has_several, arguments)
     if arguments.dry_run:
         return {}
-    ports: dict[str, str] = {name: c.port for name, c in controllers.items()}
-    are_several = "" not in ports
+    ports = {name: controller.port for name, controller in serial.items()}
     for text in arguments.port or []:
-        name, _, port = text.partition("=") if are_several else ("", "", text)
+        name, _, port = text.partition("=") if has_several else ("", "", text)
         if name not in ports or not port:
             names = ", ".join(ports)
             fail(f"found {text!r}; needed: NAME=PORT, NAME one of {names}", "--port")
@@ -161,10 +161,10 @@ def serial_ports(stand: Stand, arguments: StandStreamArguments) -> dict[str, str
         if os.path.isabs(device) and not os.path.exists(device):
             owner = f"the controller {name}" if name else "the controller"
             raise StandError(f"there is no serial port {device}, which is that of {owner}")
-    return ports
+    return {name: port for name, port in ports.items() if port is not None}
 
 
-def _lines_text(counts: Mapping[str, Streamed]) -> str:
+def _lines_text(counts: Mapping[str, StreamCounts]) -> str:
     """The last acknowledged line of every controller, in words."""
     texts = [
         f"line {count.last_line}" + (f" of {name}" if name else "")
@@ -174,13 +174,15 @@ def _lines_text(counts: Mapping[str, Streamed]) -> str:
 
 
 def _print_how_to_continue(
-    parts: Mapping[str, SetPoints], programs: Mapping[str, Program], counts: Mapping[str, Streamed]
+    parts: Mapping[str, SetPoints],
+    programs: Mapping[str, Program],
+    counts: Mapping[str, StreamCounts],
 ) -> None:
     """Prints the line, or with several controllers the time, from which a stream can continue."""
     if not any(count.last_line for count in counts.values()):
         return
     first_lost_line = {
-        name: first_lost(programs[name].text, count.last_line, parts[name].controller.planner)
+        name: first_lost_line(programs[name].text, count.last_line, parts[name].controller.planner)
         for name, count in counts.items()
     }
     if "" in first_lost_line:
@@ -211,10 +213,10 @@ def send_packets(points: SetPoints, arguments: StandStreamArguments) -> None:
         if value is not None:
             fail(f"applies to G-code, and the controller is {controller.type}", option)
     host, port = target_address(arguments.to, "--to") or (controller.host, controller.port)
-    start, motion = arguments.from_time or 0.0, points.whole()
-    check_first(start, float(motion.t[-1]))
+    start, motion = arguments.from_time or 0.0, points.complete_motion()
+    check_start_time(start, float(motion.t[-1]))
     if arguments.dry_run:
-        packets = packets_of(points.map.stand, controller, points.rate)
+        packets = packet_encoder(points.map.stand, controller, points.rate)
         for t, position in zip(motion.t, motion.position, strict=True):
             if t >= start:
                 print_output(f"{t:.4f} {packets.describe(position)}")
@@ -225,7 +227,7 @@ def send_packets(points: SetPoints, arguments: StandStreamArguments) -> None:
             "they must already be there"
         )
     broadcast = isinstance(controller, ArtNet) and controller.broadcast
-    counts = Sending()
+    counts = SendCounts()
     try:
         with _hold_on_interrupt() as hold, udp_sender(host, port, broadcast) as send:
             send_points(
@@ -265,10 +267,10 @@ def _hold_on_interrupt() -> Iterator[threading.Event]:
         signal.signal(signal.SIGINT, previous_handler)
 
 
-def _ask_to_continue(where: str, connection_lost: threading.Event | None = None) -> bool:
+def _ask_to_continue(position_text: str, connection_lost: threading.Event | None = None) -> bool:
     """Asks whether to continue a paused motion; no as soon as ``connection_lost`` is set."""
-    print_message(f"paused at {where}; Enter continues, Ctrl-C stops")
-    previous_handler = signal.signal(signal.SIGINT, _interrupt)
+    print_message(f"paused at {position_text}; Enter continues, Ctrl-C stops")
+    previous_handler = signal.signal(signal.SIGINT, _raise_interrupt)
     try:
         return _wait_for_enter(connection_lost or threading.Event())
     except KeyboardInterrupt:
@@ -293,5 +295,5 @@ def _wait_for_enter(ended: threading.Event) -> bool:
     return False
 
 
-def _interrupt(number: int, frame: FrameType | None) -> None:
+def _raise_interrupt(number: int, frame: FrameType | None) -> None:
     raise KeyboardInterrupt

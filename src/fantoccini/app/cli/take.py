@@ -47,17 +47,17 @@ def edit_take(
         display.stage(f"reading {file}")
         take = Recording.load(file)
         if trim is not None:
-            take = _edited(
+            take = _apply_edit(
                 take,
                 "--trim",
-                lambda recording: recording.trimmed(*_span(trim, recording.duration)),
+                lambda recording: recording.trimmed(*_parse_trim(trim, recording.duration)),
             )
         if smooth is not None:
-            take = _edited(take, "--smooth", lambda recording: recording.smoothed(smooth))
+            take = _apply_edit(take, "--smooth", lambda recording: recording.smoothed(smooth))
         if stretch is not None:
-            take = _edited(take, "--stretch", lambda recording: recording.stretched(stretch))
+            take = _apply_edit(take, "--stretch", lambda recording: recording.stretched(stretch))
         if loop is not None:
-            take = _edited(take, "--loop", lambda recording: recording.looped(loop))
+            take = _apply_edit(take, "--loop", lambda recording: recording.looped(loop))
         if out is not None:
             display.stage("simulating it again")
             take = take.with_output()
@@ -86,14 +86,14 @@ def edit_take(
             print_output(out)
 
 
-def _edited(take: Recording, option: str, edit: Callable[[Recording], Recording]) -> Recording:
+def _apply_edit(take: Recording, option: str, edit: Callable[[Recording], Recording]) -> Recording:
     try:
         return edit(take)
     except (StateError, ValueError) as error:
         fail(str(error), option)
 
 
-def _span(text: str, duration: float) -> tuple[float, float]:
+def _parse_trim(text: str, duration: float) -> tuple[float, float]:
     """Start and end of A:B [s]."""
     begin, colon, end = text.partition(":")
     try:

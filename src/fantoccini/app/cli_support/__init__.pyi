@@ -37,12 +37,12 @@ from .motions import (
 )
 from .options import (
     Bodies as Bodies,
-    File as File,
     Fps as Fps,
+    PuppetFile as PuppetFile,
     Quiet as Quiet,
-    SchemaOf as SchemaOf,
+    SchemaKind as SchemaKind,
     StringModel as StringModel,
-    positive as positive,
+    require_positive as require_positive,
     resolve_bundled as resolve_bundled,
 )
 from .output_options import OutputOptions as OutputOptions, check_time_range as check_time_range
@@ -72,10 +72,10 @@ from .reporting import report_run as report_run
 from .start import read_values as read_values, start_state as start_state
 from .terminal import (
     ProgressDisplay as ProgressDisplay,
-    number as number,
+    format_number as format_number,
     print_message as print_message,
     print_output as print_output,
     print_table as print_table,
-    version as version,
-    width as width,
+    terminal_width as terminal_width,
+    version_text as version_text,
 )

@@ -14,7 +14,6 @@ from fantoccini.app.cli_support.options import (
     Begin,
     Bodies,
     End,
-    File,
     Focus,
     Fps,
     Inputs,
@@ -23,23 +22,26 @@ from fantoccini.app.cli_support.options import (
     Objective,
     Out,
     Planner,
+    PuppetFile,
     Quiet,
     SaveInputs,
     ShowMotion,
     StringModel,
     Theme,
     UpAxis,
-    positive,
+    require_positive,
 )
 from fantoccini.app.cli_support.output_options import OutputOptions
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
-R = TypeVar("R", bound="DataclassInstance")
+Arguments = TypeVar("Arguments", bound="DataclassInstance")
 
 
-def with_arguments(arguments: type[R]) -> Callable[[Callable[[R], None]], Callable[..., None]]:
+def with_arguments(
+    arguments: type[Arguments],
+) -> Callable[[Callable[[Arguments], None]], Callable[..., None]]:
     """Decorator: the fields of a dataclass become the arguments of a command, own fields first."""
     hints = get_type_hints(arguments, include_extras=True)
     defaults = {f.name: f.default for f in fields(arguments)}
@@ -50,15 +52,15 @@ def with_arguments(arguments: type[R]) -> Callable[[Callable[[R], None]], Callab
             annotation=hints[name],
             default=inspect.Parameter.empty if defaults[name] is MISSING else defaults[name],
         )
-        for owner in arguments.__mro__
-        for name in vars(owner).get("__annotations__", {})
+        for base in arguments.__mro__
+        for name in vars(base).get("__annotations__", {})
     ]
 
-    def decorate(run: Callable[[R], None]) -> Callable[..., None]:
+    def decorate(implementation: Callable[[Arguments], None]) -> Callable[..., None]:
         def command(**values: Any) -> None:
-            run(arguments(**values))
+            implementation(arguments(**values))
 
-        command.__doc__, command.__annotations__ = run.__doc__, hints
+        command.__doc__, command.__annotations__ = implementation.__doc__, hints
         command.__dict__["__signature__"] = inspect.Signature(parameters)
         return command
 
@@ -114,7 +116,7 @@ class PictureOptions:
     @property
     def output_options(self) -> OutputOptions:
         """Parsed options; raises a usage error if an option has an invalid value."""
-        return OutputOptions.of(
+        return OutputOptions.parse(
             self.view,
             self.focus,
             self.theme,
@@ -137,7 +139,7 @@ class MotionOptions(PictureOptions):
     @property
     def output_options(self) -> OutputOptions:
         """Parsed options; raises a usage error if an option has an invalid value."""
-        return super().output_options.of_part(self.begin, self.end)
+        return super().output_options.for_part(self.begin, self.end)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -173,13 +175,13 @@ class ExportArguments:
 class SimulateArguments(MotionOptions):
     """Arguments of ``fantoccini simulate``."""
 
-    file: File
+    file: PuppetFile
     inputs: Inputs = None
     duration: Annotated[
         float | None,
         typer.Option(
             metavar="S",
-            callback=positive,
+            callback=require_positive,
             help="Simulated time; by default that of the inputs, or 5 without inputs.",
         ),
     ] = None
@@ -190,11 +192,14 @@ class SimulateArguments(MotionOptions):
     dt: Annotated[
         float | None,
         typer.Option(
-            metavar="S", callback=positive, help="Step of timestepping and variational [0.002]."
+            metavar="S",
+            callback=require_positive,
+            help="Step of timestepping and variational [0.002].",
         ),
     ] = None
     rtol: Annotated[
-        float | None, typer.Option(callback=positive, help="Relative tolerance of event [1e-11].")
+        float | None,
+        typer.Option(callback=require_positive, help="Relative tolerance of event [1e-11]."),
     ] = None
     start: Annotated[
         list[str] | None,
@@ -219,7 +224,7 @@ class SimulateArguments(MotionOptions):
         float | None,
         typer.Option(
             metavar="N",
-            callback=positive,
+            callback=require_positive,
             help="Saved samples per second of motion; by default every step. Event also saves the "
             "start, the end and the events.",
         ),
@@ -228,7 +233,7 @@ class SimulateArguments(MotionOptions):
         float | None,
         typer.Option(
             metavar="S",
-            callback=positive,
+            callback=require_positive,
             help="Computing time after which the run stops, with the motion so far [none].",
         ),
     ] = None
@@ -248,10 +253,12 @@ class PlanArguments(MotionOptions):
     ] = None
     planner: Annotated[Planner, typer.Option(help="Planner to use.")] = Planner.EXPLORE
     tolerance: Annotated[
-        float | None, typer.Option(callback=positive, help="Goal tolerance; overrides the file.")
+        float | None,
+        typer.Option(callback=require_positive, help="Goal tolerance; overrides the file."),
     ] = None
     time_limit: Annotated[
-        float, typer.Option(metavar="S", callback=positive, help="Time limit for the first plan.")
+        float,
+        typer.Option(metavar="S", callback=require_positive, help="Time limit for the first plan."),
     ] = 10.0
     improve: Annotated[
         float, typer.Option(metavar="S", min=0.0, help="Time spent on improving the plan.")
@@ -299,7 +306,9 @@ class OptimiseArguments(MotionOptions):
     ] = False
     tolerance: Annotated[
         float,
-        typer.Option(callback=positive, help="Largest residual of the optimality conditions."),
+        typer.Option(
+            callback=require_positive, help="Largest residual of the optimality conditions."
+        ),
     ] = 1e-6
     cost_tolerance: Annotated[
         float,
@@ -310,7 +319,7 @@ class OptimiseArguments(MotionOptions):
     ] = 0.0
     iterations: Annotated[int, typer.Option(min=1, help="Largest number of iterations.")] = 100
     time_limit: Annotated[
-        float, typer.Option(metavar="S", callback=positive, help="Time limit.")
+        float, typer.Option(metavar="S", callback=require_positive, help="Time limit.")
     ] = 180.0
     threads: Annotated[
         int | None, typer.Option(min=1, help="Number of threads; one per processor by default.")
@@ -332,7 +341,7 @@ class FollowArguments(PictureOptions):
     """Arguments of ``fantoccini follow``."""
 
     clip: Annotated[Path, typer.Argument(metavar="CLIP", help="Captured motion (.bvh).")]
-    file: File
+    file: PuppetFile
     mapping: Annotated[
         str | None,
         typer.Option(
@@ -365,11 +374,15 @@ class FollowArguments(PictureOptions):
     ] = None
     speed: Annotated[
         float | None,
-        typer.Option(metavar="V", callback=positive, help="Largest speed of the hands [m/s] [2]."),
+        typer.Option(
+            metavar="V", callback=require_positive, help="Largest speed of the hands [m/s] [2]."
+        ),
     ] = None
     acceleration: Annotated[
         float | None,
-        typer.Option(metavar="A", callback=positive, help="Largest acceleration [m/s^2] [30]."),
+        typer.Option(
+            metavar="A", callback=require_positive, help="Largest acceleration [m/s^2] [30]."
+        ),
     ] = None
     out: Out = None
     guides: Annotated[

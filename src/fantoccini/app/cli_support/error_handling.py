@@ -30,7 +30,7 @@ MISTAKE = 2
 INTERRUPTED = 130
 """Exit code: stopped with Ctrl-C."""
 
-_TRACEBACK = "FANTOCCINI_TRACEBACK"
+_TRACEBACK_VARIABLE = "FANTOCCINI_TRACEBACK"
 """Environment variable with which unexpected errors show their traceback."""
 
 
@@ -49,8 +49,8 @@ def errors_as_messages() -> Iterator[None]:
     try:
         yield
     except FileError as error:
-        for problem in error.mistakes:
-            print_message(str(problem))
+        for mistake in error.mistakes:
+            print_message(str(mistake))
         raise typer.Exit(MISTAKE) from None
     except (StateError, UnknownNameError) as error:
         print_message(f"fantoccini: {error}")
@@ -75,12 +75,13 @@ def errors_as_messages() -> Iterator[None]:
         # Usage errors and exits of typer carry their exit code.
         if hasattr(error, "exit_code") or isinstance(error, typer.Abort):
             raise
-        if os.environ.get(_TRACEBACK):
+        if os.environ.get(_TRACEBACK_VARIABLE):
             raise
-        last = traceback.extract_tb(error.__traceback__)[-1]
+        last_frame = traceback.extract_tb(error.__traceback__)[-1]
         print_message(
             f"fantoccini: internal error: {type(error).__name__}: {error} "
-            f"({Path(last.filename).name}, line {last.lineno}); {_TRACEBACK}=1 shows the traceback"
+            f"({Path(last_frame.filename).name}, line {last_frame.lineno}); "
+            f"{_TRACEBACK_VARIABLE}=1 shows the traceback"
         )
         raise typer.Exit(FAILED) from None
 

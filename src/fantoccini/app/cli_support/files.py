@@ -10,17 +10,17 @@ from typing import NoReturn
 
 import typer
 
-from fantoccini.app.cli_support.terminal import printable
+from fantoccini.app.cli_support.terminal import escape_unprintable
 from fantoccini.base import FantocciniError, InputError, Mistake, OnProgress, PuppetError, nearest
 from fantoccini.dynamics.marionette import Marionette, StringModel, load
 from fantoccini.model.puppet import bundled_files
-from fantoccini.output.animation import ENDINGS
+from fantoccini.output.animation import SUFFIXES
 
 DATA_SUFFIXES = (".npz", ".csv")
 PICTURE_SUFFIXES = (".png", ".svg", ".pdf")
 FILM_SUFFIXES = (".mp4", ".gif")
 CAPTION_SUFFIXES = (".srt",)
-ANIMATION_SUFFIXES = tuple(suffix for suffix in ENDINGS if suffix not in DATA_SUFFIXES)
+ANIMATION_SUFFIXES = tuple(suffix for suffix in SUFFIXES if suffix not in DATA_SUFFIXES)
 
 
 class OutputError(FantocciniError):
@@ -140,4 +140,4 @@ def check_new_folder(folder: Path, option: str) -> None:
 
 def fail(message: str, option: str) -> NoReturn:
     """Raises a usage error about an option: exit code 2."""
-    raise typer.BadParameter(printable(message), param_hint=option)
+    raise typer.BadParameter(escape_unprintable(message), param_hint=option)

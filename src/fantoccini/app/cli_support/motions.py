@@ -99,8 +99,8 @@ def report_lateness(rehearsal: Rehearsal) -> None:
                 before.mark,
                 before.string,
                 f"{before.cue.marks[before.mark]:.2f}",
-                _ms(before),
-                _ms(after),
+                _ms_text(before),
+                _ms_text(after),
             )
             for before, after in zip(
                 rehearsal.initial_lateness, rehearsal.final_lateness, strict=True
@@ -109,5 +109,5 @@ def report_lateness(rehearsal: Rehearsal) -> None:
     )
 
 
-def _ms(late: LimbLateness) -> str:
+def _ms_text(late: LimbLateness) -> str:
     return f"{1e3 * late.seconds:.0f}"

@@ -9,8 +9,8 @@ from typing import Annotated
 
 import typer
 
-SchemaOf = enum.StrEnum(
-    "SchemaOf",
+SchemaKind = enum.StrEnum(
+    "SchemaKind",
     [
         "PUPPET",
         "SCENE",
@@ -35,7 +35,7 @@ Method = enum.StrEnum("Method", ["EVENT", "TIMESTEPPING", "VARIATIONAL"])
 StringModel = enum.StrEnum("StringModel", ["CONSTRAINT", "CHAIN"])
 
 
-def positive(value: float | None) -> float | None:
+def require_positive(value: float | None) -> float | None:
     """The value, if it is None or a positive number; otherwise a usage error."""
     if value is not None and not (math.isfinite(value) and value > 0):
         raise typer.BadParameter(f"{value} is not a positive number")
@@ -52,7 +52,7 @@ def resolve_bundled(value: Path | list[Path] | None) -> Path | list[Path] | None
     return [inputs_path(path) for path in value] if isinstance(value, list) else inputs_path(value)
 
 
-File = Annotated[
+PuppetFile = Annotated[
     str, typer.Argument(metavar="FILE", help="Puppet file, or name of a bundled puppet.")
 ]
 Quiet = Annotated[

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from fantoccini.app.cli_support.files import FILM_SUFFIXES, PICTURE_SUFFIXES, OutputError, fail
 from fantoccini.app.cli_support.options import Focus, Look, Theme
 from fantoccini.base import ARRIVED
-from fantoccini.output.animation import ENDINGS
+from fantoccini.output.animation import SUFFIXES
 
 if TYPE_CHECKING:
     from fantoccini.motion import Trajectory
@@ -22,7 +22,7 @@ _VIEWS = ("auto", "front", "side", "three-quarter")
 _MIN_SIZE, _MAX_SIZE = 16, 8192
 """Width and height of a picture [px]."""
 _MAX_FPS = 240.0
-_ROUNDING = 1e-3
+_TIME_TOLERANCE = 1e-3
 """Largest time outside of the motion that counts as its start or end [s]: messages round times."""
 
 
@@ -56,7 +56,7 @@ class OutputOptions:
     end: float | None = None
 
     @classmethod
-    def of(
+    def parse(
         cls,
         view: str | None,
         focus: Focus | None,
@@ -76,18 +76,18 @@ class OutputOptions:
         if fps is not None and not 0.0 < fps <= _MAX_FPS:
             fail(f"{fps:g} must be positive and at most {_MAX_FPS:g}", "--fps")
         return cls(
-            None if view is None else _view(view),
+            None if view is None else _parse_view(view),
             None if focus is None else focus.value,
             None if theme is None else theme.value,
             None if look is None else look.value,
             captions,
-            None if size is None else _size(size),
+            None if size is None else _parse_size(size),
             fps,
             forces or None,
-            None if bodies is None else _names(bodies),
+            None if bodies is None else _parse_names(bodies),
         )
 
-    def of_part(self, begin: float | None, end: float | None) -> OutputOptions:
+    def for_part(self, begin: float | None, end: float | None) -> OutputOptions:
         """The options for a part of the motion.
 
         Raises:
@@ -105,33 +105,46 @@ class OutputOptions:
         """
         if self.begin is None and self.end is None:
             return run
-        first, last = float(run.t[0]), float(run.t[-1])
+        run_start, run_end = float(run.t[0]), float(run.t[-1])
         begin, end = self.begin, self.end
         if run.status not in ARRIVED:
-            end = None if end is None else min(end, last)
-            if begin is not None and begin >= last:
+            end = None if end is None else min(end, run_end)
+            if begin is not None and begin >= run_end:
                 raise OutputError(
-                    f"nothing is written from {begin:g} s on: the run stopped at {last:g} s"
+                    f"nothing is written from {begin:g} s on: the run stopped at {run_end:g} s"
                 )
-        check_time_range(begin, end, first, last)
-        begin, end = (first if begin is None else begin), (last if end is None else end)
-        return run.between(max(begin, first), min(end, last))
+        check_time_range(begin, end, run_start, run_end)
+        begin, end = (run_start if begin is None else begin), (run_end if end is None else end)
+        return run.between(max(begin, run_start), min(end, run_end))
 
     def check(self, out: Sequence[Path], plot: Path | None = None) -> None:
         """Raises a usage error if an option applies to none of the output files."""
         suffixes = {path.suffix.lower() for path in out}
-        film, strip = bool(suffixes & {*FILM_SUFFIXES}), bool(suffixes & {*PICTURE_SUFFIXES})
-        animation = bool(suffixes & {*ENDINGS})
+        has_film, has_strip = (
+            bool(suffixes & {*FILM_SUFFIXES}),
+            bool(suffixes & {*PICTURE_SUFFIXES}),
+        )
+        has_animation = bool(suffixes & {*SUFFIXES})
         for option, value, applies, outputs in (
-            ("--view", self.view, film or strip, "a strip or a film"),
-            ("--focus", self.focus, film or strip, "a strip or a film"),
-            ("--theme", self.theme, film or strip or plot is not None, "a picture or a film"),
-            ("--look", self.look, film or strip, "a strip or a film"),
-            ("--captions", self.captions, film, "a film"),
-            ("--size", self.size, film or strip, "a strip or a film"),
-            ("--fps", self.fps, film or animation, "a film, an animation or a table (.csv)"),
-            ("--forces", self.forces, film or strip, "a strip or a film"),
-            ("--bodies", self.bodies, animation, "an animation or a table (.csv)"),
+            ("--view", self.view, has_film or has_strip, "a strip or a film"),
+            ("--focus", self.focus, has_film or has_strip, "a strip or a film"),
+            (
+                "--theme",
+                self.theme,
+                has_film or has_strip or plot is not None,
+                "a picture or a film",
+            ),
+            ("--look", self.look, has_film or has_strip, "a strip or a film"),
+            ("--captions", self.captions, has_film, "a film"),
+            ("--size", self.size, has_film or has_strip, "a strip or a film"),
+            (
+                "--fps",
+                self.fps,
+                has_film or has_animation,
+                "a film, an animation or a table (.csv)",
+            ),
+            ("--forces", self.forces, has_film or has_strip, "a strip or a film"),
+            ("--bodies", self.bodies, has_animation, "an animation or a table (.csv)"),
             ("--from", self.begin, bool(out), "the files of --out"),
             ("--to", self.end, bool(out), "the files of --out"),
         ):
@@ -152,26 +165,38 @@ class OutputOptions:
 
 
 def check_time_range(
-    begin: float | None, end: float | None, first: float = -math.inf, last: float = math.inf
+    begin: float | None,
+    end: float | None,
+    motion_start: float = -math.inf,
+    motion_end: float = math.inf,
 ) -> None:
     """Raises a usage error if ``--from`` and ``--to`` are not times of a motion, in order.
 
     Args:
         begin, end: values of the options [s]; None for the start and the end of the motion.
-        first, last: times of the motion [s].
+        motion_start, motion_end: times of the motion [s].
     """
     for option, t in (("--from", begin), ("--to", end)):
         if t is not None and not math.isfinite(t):
             fail(f"found {t}; needed: a time in seconds", option)
-        if t is not None and not first - _ROUNDING <= t <= last + _ROUNDING:
-            fail(f"found {t:g} s; the motion lasts from {first:g} s to {last:g} s", option)
-    low, high = (first if begin is None else begin), (last if end is None else end)
-    if not low < high:
+        if (
+            t is not None
+            and not motion_start - _TIME_TOLERANCE <= t <= motion_end + _TIME_TOLERANCE
+        ):
+            fail(
+                f"found {t:g} s; the motion lasts from {motion_start:g} s to {motion_end:g} s",
+                option,
+            )
+    part_begin, part_end = (
+        (motion_start if begin is None else begin),
+        (motion_end if end is None else end),
+    )
+    if not part_begin < part_end:
         option = "--from" if end is None else "--to"
-        fail(f"found {low:g} s to {high:g} s; needed: an end after the begin", option)
+        fail(f"found {part_begin:g} s to {part_end:g} s; needed: an end after the begin", option)
 
 
-def _view(text: str) -> str | tuple[float, float]:
+def _parse_view(text: str) -> str | tuple[float, float]:
     if text in _VIEWS:
         return text
     try:
@@ -187,7 +212,7 @@ def _view(text: str) -> str | tuple[float, float]:
     return azimuth, elevation
 
 
-def _names(text: str) -> Bodies:
+def _parse_names(text: str) -> Bodies:
     if text.strip() == "all":
         return "all"
     names = tuple(name.strip() for name in text.split(","))
@@ -196,7 +221,7 @@ def _names(text: str) -> Bodies:
     return names
 
 
-def _size(text: str) -> tuple[int, int]:
+def _parse_size(text: str) -> tuple[int, int]:
     match = re.fullmatch(r"(\d{1,5})x(\d{1,5})", text)
     size = (int(match[1]), int(match[2])) if match else (0, 0)
     if not all(_MIN_SIZE <= n <= _MAX_SIZE for n in size):

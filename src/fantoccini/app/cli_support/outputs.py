@@ -24,7 +24,7 @@ from fantoccini.app.cli_support.terminal import ProgressDisplay, print_message
 from fantoccini.base import FantocciniError, FileError, StateError, UnknownNameError
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import Trajectory
-from fantoccini.output.animation import ENDINGS, format_of
+from fantoccini.output.animation import SUFFIXES, format_of
 
 if TYPE_CHECKING:
     from fantoccini.output.view import Guides
@@ -45,7 +45,7 @@ def check_outputs(
     suffixes = (*DATA_SUFFIXES, *PICTURE_SUFFIXES, *FILM_SUFFIXES, *ANIMATION_SUFFIXES)
     for path in out:
         check_output(path, (*suffixes, *CAPTION_SUFFIXES) if captions else suffixes, option)
-        if path.suffix.lower() in ENDINGS:
+        if path.suffix.lower() in SUFFIXES:
             format_of(path, None)
     if plot is not None:
         check_output(plot, PICTURE_SUFFIXES, "--plot")
@@ -86,7 +86,7 @@ def write_outputs(
     display: ProgressDisplay,
     poses: str | Sequence[float] = "poses",
     output_options: OutputOptions | None = None,
-    films: Mapping[str, Any] | None = None,
+    film_options: Mapping[str, Any] | None = None,
     guides: Guides | None = None,
 ) -> None:
     """Writes all output files.
@@ -99,7 +99,8 @@ def write_outputs(
         display: progress display.
         poses: times of a strip's poses; see :func:`fantoccini.output.strip`.
         output_options: options of the files.
-        films: captions, sounds and shots, as arguments of :func:`fantoccini.output.film`. A film
+        film_options: captions, sounds and shots, as arguments of :func:`fantoccini.output.film`. A
+            film
             beside a file with its captions (``bows.mp4``, ``bows.srt``) shows them only if asked.
         guides: guides in strips and films, as for :func:`fantoccini.output.film`.
 
@@ -118,23 +119,34 @@ def write_outputs(
     except OutputError as error:
         reasons.append(str(error))
         out = ()
-    subtitled = {path.with_suffix("") for path in out if path.suffix.lower() in CAPTION_SUFFIXES}
+    captioned_stems = {
+        path.with_suffix("") for path in out if path.suffix.lower() in CAPTION_SUFFIXES
+    }
     for path in (*out, *([] if plot is None else [plot])):
         try:
             with output_errors(path):
                 if path is plot:
-                    _plot(whole_run, path, display, output_options)
+                    _write_plot(whole_run, path, display, output_options)
                 else:
-                    film_options = dict(films or {})
+                    film_arguments = dict(film_options or {})
                     # Video players show the captions of an .srt file with the film's name.
-                    has_file = path.suffix.lower() == ".mp4" and path.with_suffix("") in subtitled
+                    has_caption_file = (
+                        path.suffix.lower() == ".mp4" and path.with_suffix("") in captioned_stems
+                    )
                     if path.suffix.lower() in FILM_SUFFIXES and (
                         not output_options.shows_captions
-                        or (has_file and output_options.captions is None)
+                        or (has_caption_file and output_options.captions is None)
                     ):
-                        film_options.pop("captions", None)
-                    _write(
-                        marionette, run, path, display, poses, output_options, film_options, guides
+                        film_arguments.pop("captions", None)
+                    _write_output(
+                        marionette,
+                        run,
+                        path,
+                        display,
+                        poses,
+                        output_options,
+                        film_arguments,
+                        guides,
                     )
         except (FileError, StateError, UnknownNameError) as error:
             mistakes.append(error)  # in the arguments; the other files are written first
@@ -146,7 +158,7 @@ def write_outputs(
         raise OutputError("\n".join([*reasons, *map(str, mistakes)]))
 
 
-def _plot(
+def _write_plot(
     run: Trajectory, path: Path, display: ProgressDisplay, output_options: OutputOptions
 ) -> None:
     from fantoccini.output import view
@@ -155,20 +167,20 @@ def _plot(
     view.plot(run, path, **output_options.nondefault("theme"))
 
 
-def _write(
+def _write_output(
     marionette: Marionette,
     run: Trajectory,
     path: Path,
     display: ProgressDisplay,
     poses: str | Sequence[float],
     output_options: OutputOptions,
-    films: Mapping[str, Any],
+    film_options: Mapping[str, Any],
     guides: Guides | None,
 ) -> None:
     suffix = path.suffix.lower()
     if suffix == ".npz":
         run.save(path)
-    elif suffix in ENDINGS:
+    elif suffix in SUFFIXES:
         from fantoccini.output.animation import export
 
         display.stage(f"writing {path}")
@@ -176,7 +188,7 @@ def _write(
     elif suffix in CAPTION_SUFFIXES:
         from fantoccini.output import view
 
-        view.save_captions(films["captions"], path, float(run.t[0]), float(run.t[-1]))
+        view.save_captions(film_options["captions"], path, float(run.t[0]), float(run.t[-1]))
     elif suffix in PICTURE_SUFFIXES:
         from fantoccini.output import view
 
@@ -196,5 +208,5 @@ def _write(
             progress=display.bar(f"rendering {path}"),
             **output_options.nondefault("view", "focus", "theme", "size", "fps", "forces", "look"),
             guides=guides,
-            **films,
+            **film_options,
         )

@@ -57,8 +57,10 @@ def inputs_warnings(
     located = read_file(path) if is_yaml else Located(file=str(path), folder=path.parent)
     mistakes = [*changes]
     for warning in input_warnings(marionette, inputs):
-        place = _waypoint(marionette, located.data, warning.name, warning.t)
-        mistakes.append(located.problem(place, f"at t = {warning.t:g} s it {warning.message}"))
+        waypoint_path = _waypoint_path(marionette, located.data, warning.name, warning.t)
+        mistakes.append(
+            located.problem(waypoint_path, f"at t = {warning.t:g} s it {warning.message}")
+        )
     return _sorted_warnings(mistakes, str(path))
 
 
@@ -74,7 +76,7 @@ def warn_implausible(
         print_message(f"{n_warnings} warning{'s' * (n_warnings > 1)}: {command}")
 
 
-def _waypoint(marionette: Marionette, data: Any, name: str, t: float) -> tuple[str | int, ...]:
+def _waypoint_path(marionette: Marionette, data: Any, name: str, t: float) -> tuple[str | int, ...]:
     """Key path of a coordinate's first waypoint at or after a time."""
     waypoints = data.get("coordinates", {}) if isinstance(data, dict) else {}
     names = [
@@ -83,8 +85,10 @@ def _waypoint(marionette: Marionette, data: Any, name: str, t: float) -> tuple[s
     ]
     for coordinate in names:
         if coordinate in waypoints:
-            later = [k for k, (at, _) in enumerate(waypoints[coordinate]) if at >= t - 1e-9]
-            return "coordinates", coordinate, *later[:1]
+            later_indices = [
+                k for k, (time, _) in enumerate(waypoints[coordinate]) if time >= t - 1e-9
+            ]
+            return "coordinates", coordinate, *later_indices[:1]
     return (name,)
 
 

@@ -6,10 +6,10 @@ from collections import Counter
 
 import numpy as np
 
-from fantoccini.app.cli_support.terminal import number, print_output, print_table
+from fantoccini.app.cli_support.terminal import format_number, print_output, print_table
 from fantoccini.motion import EventKind, Trajectory
 
-_MAX_NAMED = 16
+_MAX_LISTED_NAMES = 16
 """Largest number of strings and efforts listed by name."""
 _MIN_ROTOR_TRAVEL = 1.0
 """Travel of a rotor without control above which it is reported [m or rad]."""
@@ -42,7 +42,7 @@ def report_run(run: Trajectory, seconds: float) -> None:
                 f"{longest_slack(run, name):.3f}",
                 float(np.min(tension)),
                 float(np.max(tension)),
-                number(largest_impulse[name]) if name in largest_impulse else "",
+                format_number(largest_impulse[name]) if name in largest_impulse else "",
             )
             for name, tension in run.tension.items()
         ],
@@ -55,9 +55,9 @@ def report_run(run: Trajectory, seconds: float) -> None:
             for label, sample in (("start", 0), ("end", -1))
         ],
     )
-    kinds = Counter(e.kind for e in run.events)
-    listed = ", ".join(f"{n} {kind}" for kind, n in kinds.items()) or "none"
-    print_output(f"events: {listed}")
+    counts_by_kind = Counter(e.kind for e in run.events)
+    counts_text = ", ".join(f"{n} {kind}" for kind, n in counts_by_kind.items()) or "none"
+    print_output(f"events: {counts_text}")
     for name, drive in run.overloads.items():
         failure = "ran away" if drive.ran_away else f"lost steps {drive.lost_steps} times"
         error = "" if drive.error is None else f"; error at the end {abs(drive.error):.3g} (m, rad)"
@@ -67,8 +67,8 @@ def report_run(run: Trajectory, seconds: float) -> None:
     for line in undetermined_lines(run):
         print_output(line)
     if run.violation is not None:
-        worst = float(np.max(run.violation.values, initial=0.0))
-        print_output(f"largest violation of strings and limits: {worst:.2g} (m, rad)")
+        max_violation = float(np.max(run.violation.values, initial=0.0))
+        print_output(f"largest violation of strings and limits: {max_violation:.2g} (m, rad)")
     speed = run.duration / max(seconds, 1e-9)
     print_output(
         f"{run.duration:.6g} s of motion in {seconds:.3g} s, {speed:.3g} times real time "
@@ -81,13 +81,17 @@ def undetermined_lines(run: Trajectory) -> list[str]:
     if run.undetermined is None or not np.any(run.undetermined.values):
         return []
     affected = [(name, flags) for name, flags in run.undetermined.items() if np.any(flags)]
-    first = min(float(run.t[np.argmax(flags)]) for _, flags in affected)
+    first_time = min(float(run.t[np.argmax(flags)]) for _, flags in affected)
     share = 100.0 * max(float(np.mean(flags)) for _, flags in affected)
-    names = ", ".join(name for name, _ in affected[:_MAX_NAMED])
-    others = "" if len(affected) <= _MAX_NAMED else f" and {len(affected) - _MAX_NAMED} more"
+    names = ", ".join(name for name, _ in affected[:_MAX_LISTED_NAMES])
+    remainder = (
+        ""
+        if len(affected) <= _MAX_LISTED_NAMES
+        else f" and {len(affected) - _MAX_LISTED_NAMES} more"
+    )
     return [
-        f"not determined by the motion, from t = {first:.6g} s, in up to {share:.3g} % of the "
-        f"samples: tension or effort of {names}{others}; other values give the same motion; "
+        f"not determined by the motion, from t = {first_time:.6g} s, in up to {share:.3g} % of the "
+        f"samples: tension or effort of {names}{remainder}; other values give the same motion; "
         "strings that stretch (--string-model chain) have determined values"
     ]
 
@@ -95,11 +99,11 @@ def undetermined_lines(run: Trajectory) -> list[str]:
 def _free_rotors(run: Trajectory) -> list[tuple[str, float]]:
     """Drives without control, and their travel, if that is large."""
     drives = () if run.puppet is None else run.puppet.drives
-    free = [name for drive in drives if not drive.follows for name in drive.on]
-    table, travels = run.coordinates, []
-    for name in free:
-        if name in table.q_D:
-            travel = float(np.ptp(run.q_D[:, table.q_D.index(name)]))
+    free_names = [name for drive in drives if not drive.follows for name in drive.on]
+    coordinates, travels = run.coordinates, []
+    for name in free_names:
+        if name in coordinates.q_D:
+            travel = float(np.ptp(run.q_D[:, coordinates.q_D.index(name)]))
             if travel > _MIN_ROTOR_TRAVEL:
                 travels.append((name, travel))
     return travels

@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
 from fantoccini.app.cli_support.files import fail
-from fantoccini.app.cli_support.terminal import number, print_message
+from fantoccini.app.cli_support.terminal import format_number, print_message
 from fantoccini.base.documents import Angle
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.lab.sweeps import trial
@@ -39,14 +39,14 @@ def read_values(settings: Sequence[str]) -> Values:
             fail(f"{name} is one of four components; set {quaternion}.rotation=w,x,y,z", "--start")
         if name in values:
             fail(f"{name} is given twice", "--start")
-        parts = [_number(name, part) for part in text.strip().strip("[]").split(",")]
-        if len(parts) > 1 and not name.endswith(".rotation"):
-            fail(f"{name}: found {len(parts)} numbers; needed: one", "--start")
-        values[name] = parts if len(parts) > 1 else parts[0]
+        numbers = [_parse_number(name, part) for part in text.strip().strip("[]").split(",")]
+        if len(numbers) > 1 and not name.endswith(".rotation"):
+            fail(f"{name}: found {len(numbers)} numbers; needed: one", "--start")
+        values[name] = numbers if len(numbers) > 1 else numbers[0]
     return values
 
 
-def _number(name: str, text: str) -> float:
+def _parse_number(name: str, text: str) -> float:
     try:
         return float(text)
     except ValueError:
@@ -65,14 +65,18 @@ def start_state(
     Prints the coordinate that the projection changed most, unless ``quiet``.
     """
     x = trial.start_state(marionette, inputs, start_values)
-    table = marionette.coordinates
-    if not quiet and not {*start_values} <= {*table.q_K, *table.rotations, *table.commands}:
+    coordinates = marionette.coordinates
+    if not quiet and not {*start_values} <= {
+        *coordinates.q_K,
+        *coordinates.rotations,
+        *coordinates.commands,
+    }:
         values = {**({} if inputs is None else inputs.first_values()), **start_values}
         displacement = np.abs(x.q_D - marionette.state(values).q_D)
         if np.max(displacement, initial=0.0) > _MIN_REPORTED_MOVE:
-            k = int(np.argmax(displacement))
+            i_largest = int(np.argmax(displacement))
             print_message(
                 "changed the start to the nearest state that strings and limits allow: "
-                f"{table.q_D[k]} is {number(float(x.q_D[k]))}"
+                f"{coordinates.q_D[i_largest]} is {format_number(float(x.q_D[i_largest]))}"
             )
     return x

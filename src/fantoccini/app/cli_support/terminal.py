@@ -13,7 +13,7 @@ from fantoccini.base import OnProgress, Progress, progress_bar
 
 if TYPE_CHECKING:
     from rich.console import Console
-    from rich.progress import Progress as Bars, TaskID
+    from rich.progress import Progress as RichProgress, TaskID
 
 _FILE_WIDTH = 1000
 """Width of tables outside a terminal, so that nothing is cut [characters]."""
@@ -21,7 +21,7 @@ _PAGE_WIDTH = 110
 """Width of equations outside a terminal [characters]."""
 
 
-def printable(text: object) -> str:
+def escape_unprintable(text: object) -> str:
     """The text with unprintable characters escaped, except line breaks."""
     return "".join(
         c if c.isprintable() or c == "\n" else c.encode("unicode_escape").decode("ascii")
@@ -31,12 +31,12 @@ def printable(text: object) -> str:
 
 def print_output(text: object = "") -> None:
     """Prints a line of data on stdout."""
-    typer.echo(printable(text))
+    typer.echo(escape_unprintable(text))
 
 
 def print_message(text: object) -> None:
     """Prints a message on stderr."""
-    typer.echo(printable(text), err=True)
+    typer.echo(escape_unprintable(text), err=True)
 
 
 def print_table(title: str, columns: Sequence[str], lines: Sequence[Sequence[object]]) -> None:
@@ -54,29 +54,29 @@ def print_table(title: str, columns: Sequence[str], lines: Sequence[Sequence[obj
 
     grid = Table(box=None, padding=(0, 2, 0, 0), pad_edge=False, header_style="bold")
     for heading in columns:
-        right = heading.endswith(">")
+        align_right = heading.endswith(">")
         grid.add_column(
-            Text(heading.rstrip(">")), justify="right" if right else "left", overflow="fold"
+            Text(heading.rstrip(">")), justify="right" if align_right else "left", overflow="fold"
         )
     for line in lines:
-        grid.add_row(*(Text(printable(number(cell))) for cell in line))
+        grid.add_row(*(Text(escape_unprintable(format_number(cell))) for cell in line))
     console = _console(sys.stdout)
-    console.print(Text(printable(title), style="bold"))
+    console.print(Text(escape_unprintable(title), style="bold"))
     console.print(grid)
     console.print()
 
 
-def version() -> str:
+def version_text() -> str:
     """Version of the package."""
     return sys.modules["fantoccini"].__version__
 
 
-def number(cell: object) -> str:
+def format_number(cell: object) -> str:
     """Text of a cell: five digits of a float, anything else unchanged."""
     return f"{cell + 0.0:.5g}" if isinstance(cell, float) else str(cell)
 
 
-def width() -> int:
+def terminal_width() -> int:
     """Width of a line on stdout [characters]."""
     return _console(sys.stdout).width if sys.stdout.isatty() else _PAGE_WIDTH
 
@@ -102,7 +102,7 @@ class ProgressDisplay:
 
     def __init__(self, quiet: bool = False):
         self._quiet = quiet
-        self._bars: Bars | None = None
+        self._bars: RichProgress | None = None
         self._stage = ""
         self._task: TaskID | None = None
 
@@ -112,9 +112,9 @@ class ProgressDisplay:
             self._bars.start()
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+    def __exit__(self, error_type: type[BaseException] | None, *_: object) -> None:
         if self._bars is not None:
-            if kind is None:
+            if error_type is None:
                 self._finish(self._bars)
             self._bars.stop()
 
@@ -125,31 +125,31 @@ class ProgressDisplay:
     def bar(self, text: str) -> OnProgress:
         """Begins a stage of known length; returns its progress callback."""
         self._begin(text, 1.0)
-        return lambda at: self._show_share(at.share)
+        return lambda progress: self._show_share(progress.share)
 
-    def update(self, at: Progress) -> None:
+    def update(self, progress: Progress) -> None:
         """Progress callback of a job that names its stages, with or without their share done."""
-        share_known = not math.isnan(at.share)
-        same_stage = at.what == self._stage or (self._bars is not None and self._stage)
+        share_known = not math.isnan(progress.share)
+        same_stage = progress.what == self._stage or (self._bars is not None and self._stage)
         if not share_known or not same_stage:
-            self._begin(at.what, 1.0 if share_known else None)
-        self._stage = at.what if share_known else ""
+            self._begin(progress.what, 1.0 if share_known else None)
+        self._stage = progress.what if share_known else ""
         if share_known:
-            self._show_share(at.share, printable(at.what))
+            self._show_share(progress.share, escape_unprintable(progress.what))
 
     def _show_share(self, share: float, text: str | None = None) -> None:
         if self._bars is not None and self._task is not None:
             self._bars.update(self._task, completed=share, description=text)
 
     def _begin(self, text: str, total: float | None) -> None:
-        text, self._stage = printable(text).replace("\n", " "), ""
+        text, self._stage = escape_unprintable(text).replace("\n", " "), ""
         if self._bars is not None:
             self._finish(self._bars)
             self._task = self._bars.add_task(text, total=total)
         elif not self._quiet:
             print_message(text)
 
-    def _finish(self, bars: Bars) -> None:
+    def _finish(self, bars: RichProgress) -> None:
         if self._task is not None:
             total = bars.tasks[-1].total or 1.0
             bars.update(self._task, total=total, completed=total)

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 class _RubberBand(NamedTuple):
     """Constants of the rubber band."""
 
-    length: float = 0.4  # Stretch at which the force is the puppet's weight [puppet sizes]
+    full_stretch: float = 0.4  # Stretch at which the force is the puppet's weight [puppet sizes]
     max_force: float = 0.5  # Largest force [weights of the puppet]
 
 
@@ -38,12 +38,12 @@ class _Pull:
 
     Attributes:
         viewer: the viewer.
-        at: (3,) point of the body, in its frame [m].
+        attachment: (3,) point of the body, in its frame [m].
         mouse: (3,) position of the mouse in the world frame [m].
     """
 
     viewer: Viewer
-    at: np.ndarray
+    attachment: np.ndarray
     mouse: np.ndarray
 
 
@@ -72,7 +72,7 @@ class BodyPulls:
         marionette = performance.marionette
         weight, size = marionette.weight or 1.0, nodes.geometry.size
         self._stiffness, self._max_force = (
-            weight / (_RUBBER_BAND.length * size),
+            weight / (_RUBBER_BAND.full_stretch * size),
             _RUBBER_BAND.max_force * weight,
         )
         self._links = {
@@ -104,11 +104,11 @@ class BodyPulls:
         lines = []
         for name, pull in list(self._pulls.items()):
             pose = poses[self._links[name]]
-            point = pose[:, :3] @ pull.at + pose[:, 3]
+            point = pose[:, :3] @ pull.attachment + pose[:, 3]
             force = self._stiffness * (pull.mouse - point)
             force *= min(1.0, self._max_force / max(float(np.linalg.norm(force)), 1e-12))
             try:
-                self._performance.push(name, force, pull.at)
+                self._performance.push(name, force, pull.attachment)
             except FantocciniError:
                 self._end_pull(name)
                 raise

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from fantoccini.app.live.drag import follow
+from fantoccini.app.live.drag import drag_displacement
 from fantoccini.app.live.holder import Viewer
-from fantoccini.app.pages import View, heights, move
-from fantoccini.output.view import Theme, mix, rgb, to_bytes
+from fantoccini.app.pages import View, handle_label_heights, move_node
+from fantoccini.output.view import Theme, mix_colours, rgb, to_bytes
 from fantoccini.theatre.perform import Handle, Performance
 
 if TYPE_CHECKING:
@@ -30,10 +30,10 @@ class _Thresholds(NamedTuple):
 
 _THRESHOLDS = _Thresholds()
 
-WARNING = rgb("#d64545")
+WARNING_COLOUR = rgb("#d64545")
 """Colour of handles that lag behind their targets."""
 
-Act = Callable[[Viewer | None, Callable[[], object]], bool]
+RunAction = Callable[[Viewer | None, Callable[[], object]], bool]
 """Performs an action for a viewer, if permitted; returns whether it was performed."""
 
 DragHandler = Callable[[Any], Coroutine[Any, Any, None]]
@@ -71,7 +71,7 @@ class Controls:
         size: size of the puppet [m].
         view: initial point of view.
         act: performs an action for a viewer, if permitted.
-        winds: returns whether dragging a bead winds its string even without Shift.
+        drag_winds: returns whether dragging a bead winds its string even without Shift.
         release: called when a viewer releases a control.
         folder: folder for the sliders.
     """
@@ -83,13 +83,13 @@ class Controls:
         theme: Theme,
         size: float,
         view: View,
-        act: Act,
-        winds: Callable[[], bool],
+        act: RunAction,
+        drag_winds: Callable[[], bool],
         release: Callable[[Viewer], None],
         folder: viser.GuiFolderHandle,
     ):
         self._server, self._performance, self._theme = server, performance, theme
-        self._size, self._act, self._winds, self._release = size, act, winds, release
+        self._size, self._act, self._drag_winds, self._release = size, act, drag_winds, release
         self._handles = {handle.name: handle for handle in performance.handles}
         self._beads: dict[str, viser.IcosphereHandle] = {}
         self.labels: dict[str, viser.LabelHandle] = {}
@@ -98,10 +98,10 @@ class Controls:
         self.sliders: dict[str, viser.GuiSliderHandle[float]] = {}
         self._shown_lengths: dict[str, float] = {}
         self.grabs: dict[tuple[Viewer, str], _Grab] = {}
-        self._last = np.full((len(self._handles), 3), np.nan)
+        self._shown_positions = np.full((len(self._handles), 3), np.nan)
         self.selected: str | None = next(iter(self._handles), None)
-        places = np.array([performance.place(name)[0] for name in self._handles])
-        self._label_heights = heights(tuple(self._handles), places, view, size)
+        positions = np.array([performance.place(name)[0] for name in self._handles])
+        self._label_heights = handle_label_heights(tuple(self._handles), positions, view, size)
         with server.atomic():
             for n, handle in enumerate(performance.handles):
                 self._add_handle(n, handle)
@@ -129,21 +129,21 @@ class Controls:
             self.selected = name
             self._show_selected()
 
-    def select_next(self, by: int) -> None:
+    def select_next(self, step: int) -> None:
         """Selects another handle."""
         names = list(self._handles)
         if self.selected is not None:
-            self.select(names[(names.index(self.selected) + by) % len(names)])
+            self.select(names[(names.index(self.selected) + step) % len(names)])
 
     @property
     def handle(self) -> Handle | None:
         """The selected handle."""
         return None if self.selected is None else self._handles[self.selected]
 
-    def wind(self, name: str, by: float) -> None:
-        """Winds a string in (``by`` < 0) or out [m], if it can be wound."""
+    def wind(self, name: str, change: float) -> None:
+        """Winds a string in (``change`` < 0) or out [m], if it can be wound."""
         if name in self._performance.lengths:
-            self._performance.wind(name, self._performance.target_length(name) + by)
+            self._performance.wind(name, self._performance.target_length(name) + change)
 
     def show_names(self, visible: bool) -> None:
         """Shows or hides the names of the handles."""
@@ -154,13 +154,16 @@ class Controls:
 
     def update(self, poses: np.ndarray) -> None:
         """Moves beads to their handles, by link poses (n_links, 3, 4)."""
-        places = poses[[handle.link for handle in self._handles.values()], :, 3]
-        changed = ~(np.abs(places - self._last).max(axis=1, initial=0.0) < _THRESHOLDS.position)
+        positions = poses[[handle.link for handle in self._handles.values()], :, 3]
+        changed = ~(
+            np.abs(positions - self._shown_positions).max(axis=1, initial=0.0)
+            < _THRESHOLDS.position
+        )
         for n, name in enumerate(self._handles):
             if changed[n]:
-                move(self._beads[name], places[n])
-                move(self.labels[name], places[n] + [0.0, 0.0, self._label_heights[n]])
-        self._last = places
+                move_node(self._beads[name], positions[n])
+                move_node(self.labels[name], positions[n] + [0.0, 0.0, self._label_heights[n]])
+        self._shown_positions = positions
 
     def mark_lag(self, lagging: dict[str, str]) -> None:
         """Marks targets that handles have not reached, and handles that cannot follow.
@@ -170,7 +173,9 @@ class Controls:
         """
         targets: list[np.ndarray] = []
         lag_lines: list[tuple[np.ndarray, np.ndarray]] = []
-        for (name, handle), position in zip(self._handles.items(), self._last, strict=True):
+        for (name, handle), position in zip(
+            self._handles.items(), self._shown_positions, strict=True
+        ):
             target, wxyz = self._performance.aim(name)
             self._beads[name].color = self._colour(name, name in lagging)
             if (
@@ -252,7 +257,7 @@ class Controls:
     def _add_marks(self) -> None:
         zero = np.zeros((1, 2, 3))
         api = self._server.scene
-        colour = to_bytes(WARNING)
+        colour = to_bytes(WARNING_COLOUR)
         self._lag_lines = api.add_line_segments(
             "/lag/leads", zero, colour, thickness=1.5, thickness_units="screen", visible=False
         )
@@ -284,10 +289,10 @@ class Controls:
 
     def _colour(self, name: str, lags: bool) -> tuple[int, int, int]:
         if lags:
-            return to_bytes(WARNING)
+            return to_bytes(WARNING_COLOUR)
         if name == self.selected or any(grabbed == name for _, grabbed in list(self.grabs)):
             return to_bytes(rgb(self._theme.line_colours[0]))
-        return to_bytes(mix(self._theme.handle, np.ones(3), 0.15))
+        return to_bytes(mix_colours(self._theme.handle, np.ones(3), 0.15))
 
     def _drag_handler(self, handle: Handle) -> DragHandler:
         name = handle.name
@@ -302,21 +307,21 @@ class Controls:
             if grab is None:
                 if not self._act(event.client_id, lambda: self.select(name)):
                     return
-                winds = name in self._performance.lengths
+                can_wind = name in self._performance.lengths
                 grab = self.grabs[key] = _Grab(
                     np.array(event.start_position),
                     self._performance.target(name)[0],
-                    self._performance.target_length(name) if winds else None,
+                    self._performance.target_length(name) if can_wind else None,
                 )
             camera, mouse = event.client.camera, np.array(event.end_position, dtype=float)
             eye = np.array(camera.position, dtype=float)
             if not np.isfinite([mouse, eye, grab.anchor]).all():
                 return
-            if grab.length is not None and (event.modifier == "shift" or self._winds()):
-                length = grab.length - float((mouse - grab.anchor) @ upwards(camera))
+            if grab.length is not None and (event.modifier == "shift" or self._drag_winds()):
+                length = grab.length - float((mouse - grab.anchor) @ up_direction(camera))
                 self._act(event.client_id, lambda: self._performance.wind(name, length))
                 return
-            displacement = follow(handle.axes, eye, grab.position, grab.anchor, mouse)
+            displacement = drag_displacement(handle.axes, eye, grab.position, grab.anchor, mouse)
             self._act(
                 event.client_id, lambda: self._performance.move(name, grab.position + displacement)
             )
@@ -348,7 +353,7 @@ def line_of_sight(camera: viser.CameraHandle) -> np.ndarray:
     return direction / size if size > 1e-9 else np.array([-1.0, 0.0, 0.0])
 
 
-def upwards(camera: viser.CameraHandle) -> np.ndarray:
+def up_direction(camera: viser.CameraHandle) -> np.ndarray:
     """(3,) unit vector that points up in the picture of a viewer's camera."""
     direction = line_of_sight(camera)
     up = np.asarray(camera.up_direction, dtype=float)

@@ -19,7 +19,7 @@ class _MouseFollowing(NamedTuple):
 _FOLLOWING = _MouseFollowing()
 
 
-def follow(
+def drag_displacement(
     axes: np.ndarray, eye: np.ndarray, grab: np.ndarray, start: np.ndarray, end: np.ndarray
 ) -> np.ndarray:
     """(3,) displacement of a handle that stays under the mouse [m].
@@ -46,8 +46,8 @@ def follow(
         return end - start
     p, m, step = grab, start, (end - start) / _FOLLOWING.steps
     for _ in range(_FOLLOWING.steps if len(axes) else 0):
-        half = p + 0.5 * _increment(axes, eye, p, m, step)
-        p = p + _increment(axes, eye, half, m + 0.5 * step, step)
+        midpoint = p + 0.5 * _increment(axes, eye, p, m, step)
+        p = p + _increment(axes, eye, midpoint, m + 0.5 * step, step)
         m = m + step
     return p - grab
 
@@ -62,15 +62,15 @@ def _increment(
     ray_change = (step - (r @ step) * r) / mouse_distance
     left, foreshortening, right = np.linalg.svd(axes.T - np.outer(u, axes @ u), full_matrices=False)
     min_foreshortening = _FOLLOWING.min_foreshortening
-    share = np.where(
+    gains = np.where(
         foreshortening > min_foreshortening,
         1.0 / np.maximum(foreshortening, min_foreshortening),
         foreshortening / min_foreshortening**2,
     )
-    return distance * axes.T @ (right.T @ (share * (left.T @ ray_change)))
+    return distance * axes.T @ (right.T @ (gains * (left.T @ ray_change)))
 
 
-def nudge(axes: np.ndarray, ahead: np.ndarray, right: float, up: float) -> np.ndarray:
+def push_displacement(axes: np.ndarray, sight: np.ndarray, right: float, up: float) -> np.ndarray:
     """(3,) displacement of a handle pushed to the right and up in the picture [m].
 
     The displacement is at most as long as the push. A handle that cannot move up moves away from
@@ -78,12 +78,12 @@ def nudge(axes: np.ndarray, ahead: np.ndarray, right: float, up: float) -> np.nd
 
     Args:
         axes: (k, 3) unit vectors along which the handle can move.
-        ahead: (3,) unit vector along the line of sight.
+        sight: (3,) unit vector along the line of sight.
         right, up: components of the push [m].
     """
     if not len(axes):
         return np.zeros(3)
-    sideways = np.cross(ahead, [0.0, 0.0, 1.0])
+    sideways = np.cross(sight, [0.0, 0.0, 1.0])
     size = float(np.linalg.norm(sideways))
     sideways = sideways / size if size > 1e-6 else np.array([0.0, -1.0, 0.0])
     forward = np.cross([0.0, 0.0, 1.0], sideways)

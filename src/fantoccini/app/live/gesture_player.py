@@ -11,7 +11,7 @@ from fantoccini.base import FantocciniError
 from fantoccini.theatre.gestures import Gesture, Style, gesture_names, is_gesture, load_gesture
 from fantoccini.theatre.perform import Performance, Tempo
 
-HOME = "hang"
+HOME_GESTURE = "hang"
 """Bundled gesture that the button Home replaces."""
 _MAX_FILES = 60
 """Largest number of files in the folders that are tried as gestures."""
@@ -64,7 +64,7 @@ class GesturePlayer:
         self.gestures = {}
         for name in gesture_names():
             try:
-                if name != HOME:
+                if name != HOME_GESTURE:
                     self.gestures[name] = load_gesture(marionette, name)
             except FantocciniError:
                 continue  # it needs other strings
@@ -74,7 +74,7 @@ class GesturePlayer:
                 gesture = load_gesture(marionette, path)
             except FantocciniError as error:
                 if path.suffix != ".npz":
-                    problems.append(_first_problem(error))
+                    problems.append(_short_message(error))
                 continue
             self.add(gesture)
         self.problems = tuple(problems)
@@ -89,12 +89,14 @@ class GesturePlayer:
         Raises:
             FantocciniError: its mirror image is unknown, or a controller moves the hands.
         """
-        if names := [
-            played for played, button in self._repeating_names().items() if button == name
+        if repeating_names := [
+            gesture_name
+            for gesture_name, button in self._repeating_names().items()
+            if button == name
         ]:
-            for played in names:
-                del self._repeating[played]
-                self._performance.stop_repeating(played)
+            for gesture_name in repeating_names:
+                del self._repeating[gesture_name]
+                self._performance.stop_repeating(gesture_name)
             return
         options, gesture = self.options, self.gestures[name]
         style = Style(options.size, options.speed, options.mirrored)
@@ -150,7 +152,7 @@ class GesturePlayer:
         return gesture_files[:_MAX_FILES]
 
 
-def _first_problem(error: FantocciniError) -> str:
+def _short_message(error: FantocciniError) -> str:
     """The first line of an error, and the number of the others."""
-    first, *others = str(error).splitlines()
-    return f"{first} (and {len(others)} more)" if others else first
+    first_line, *other_lines = str(error).splitlines()
+    return f"{first_line} (and {len(other_lines)} more)" if other_lines else first_line

@@ -7,12 +7,12 @@ from collections.abc import Callable
 from threading import Lock
 from typing import TYPE_CHECKING
 
-from fantoccini.app.pages import note
+from fantoccini.app.pages import note_html
 
 if TYPE_CHECKING:
     import viser
 
-IDLE = 3.0
+MAX_IDLE_TIME = 3.0
 """Time without a move after which a viewer no longer holds the strings [s]."""
 
 Viewer = int | str
@@ -23,17 +23,19 @@ class Holder:
     """Assignment of the strings to one viewer at a time.
 
     Attributes:
-        idle: time without a move after which the strings are free [s].
+        max_idle_time: time without a move after which the strings are free [s].
 
     Args:
-        idle: see above.
+        max_idle_time: see above.
         clock: function that returns the time [s].
     """
 
-    def __init__(self, idle: float = IDLE, clock: Callable[[], float] = time.monotonic):
-        self.idle, self._clock = idle, clock
+    def __init__(
+        self, max_idle_time: float = MAX_IDLE_TIME, clock: Callable[[], float] = time.monotonic
+    ):
+        self.max_idle_time, self._clock = max_idle_time, clock
         self._viewer: Viewer | None = None
-        self._since = 0.0
+        self._last_move_time = 0.0
         self._lock = Lock()
 
     @property
@@ -49,17 +51,17 @@ class Holder:
             self._release_when_idle()
             if self._viewer not in (None, viewer):
                 return False
-            self._viewer, self._since = viewer, self._clock()
+            self._viewer, self._last_move_time = viewer, self._clock()
             return True
 
-    def leave(self, viewer: Viewer) -> None:
+    def release(self, viewer: Viewer) -> None:
         """Frees the strings, if this viewer holds them."""
         with self._lock:
             if self._viewer == viewer:
                 self._viewer = None
 
     def _release_when_idle(self) -> None:
-        if self._viewer is not None and self._clock() - self._since > self.idle:
+        if self._viewer is not None and self._clock() - self._last_move_time > self.max_idle_time:
             self._viewer = None
 
 
@@ -92,8 +94,8 @@ class HolderLine:
             return
         self._holder = holder
         for viewer, line in list(self._lines.items()):
-            line.content = note(holder_text(holder, viewer))
+            line.content = note_html(holder_text(holder, viewer))
 
     def _add(self, client: viser.ClientHandle) -> None:
-        words = note(holder_text(self._holder, client.client_id))
-        self._lines[client.client_id] = client.gui.add_html(words, order=self._order)
+        content = note_html(holder_text(self._holder, client.client_id))
+        self._lines[client.client_id] = client.gui.add_html(content, order=self._order)

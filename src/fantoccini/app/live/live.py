@@ -16,7 +16,7 @@ import numpy as np
 from fantoccini.app.live import midi, pad, sound
 from fantoccini.app.live.body_pulls import BodyPulls
 from fantoccini.app.live.controls import Controls, line_of_sight
-from fantoccini.app.live.drag import nudge
+from fantoccini.app.live.drag import push_displacement
 from fantoccini.app.live.holder import Holder, Viewer, holder_text
 from fantoccini.app.live.live_panel import LivePanel
 from fantoccini.app.live.recorder import Recorder
@@ -34,7 +34,7 @@ from fantoccini.app.pages import (
 )
 from fantoccini.base import FantocciniError
 from fantoccini.dynamics.derivatives import motion_at
-from fantoccini.output.view import AUDIENCE, Geometry, Theme, force_arrows, geometry_at
+from fantoccini.output.view import AUDIENCE, Geometry, Theme, force_arrows, state_geometry
 from fantoccini.theatre.perform import Balance, LivePlay, Performance
 
 if TYPE_CHECKING:
@@ -77,7 +77,7 @@ class Live(PageLoop):
         jobs: queued calls between two frames.
         holder: holder of the strings.
         paused: whether the time is paused.
-        factor: speed of time; below 1 is slow motion.
+        time_factor: speed of time; below 1 is slow motion.
 
     Args:
         performance: the puppet.
@@ -85,7 +85,7 @@ class Live(PageLoop):
         record_to: folder for recordings.
         file: the puppet's file, which is loaded again when it changes; or None.
         score: file of a score, or None.
-        show: a play to perform on the page, or None.
+        live_play: a play to perform on the page, or None.
 
     Raises:
         FileError: the score has mistakes.
@@ -98,21 +98,21 @@ class Live(PageLoop):
         record_to: Path,
         file: Path | None = None,
         score: Path | None = None,
-        show: LivePlay | None = None,
+        live_play: LivePlay | None = None,
     ):
         super().__init__("live")
         self.performance, self.theme = performance, theme
         self.holder = Holder()
-        self.paused, self.factor = False, 1.0
-        self.stage = Stage(performance, record_to, file, score, show)
+        self.paused, self.time_factor = False, 1.0
+        self.stage = Stage(performance, record_to, file, score, live_play)
         self._file = None if file is None else WatchedFile(file, load_compiled)
         self.pads, self._midi = pad.Pads(), midi.Midi(self._go)
         self.jobs: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
-        self._past: deque[tuple[float, np.ndarray]] = deque()
+        self._tension_history: deque[tuple[float, np.ndarray]] = deque()
         self._refused: dict[Viewer, float] = {}
         self._sight: np.ndarray | None = None
-        self._viewpoint: Viewpoint = "three-quarter" if show is None else AUDIENCE
-        self._due = {"numbers": 0.0, "marks": 0.0, "sample": 0.0}
+        self._viewpoint: Viewpoint = "three-quarter" if live_play is None else AUDIENCE
+        self._next_update = {"numbers": 0.0, "marks": 0.0, "sample": 0.0}
 
     @property
     def handlers(self) -> dict[str, Handler]:
@@ -135,7 +135,7 @@ class Live(PageLoop):
         self._build()
         self.nodes.aim_camera(server.viser.initial_camera, self._viewpoint)
         server.viser.on_client_connect(self._fit)
-        server.viser.on_client_disconnect(lambda client: self.holder.leave(client.client_id))
+        server.viser.on_client_disconnect(lambda client: self.holder.release(client.client_id))
 
     def _finish(self) -> None:
         self.performance.set_hand_law(None)
@@ -143,21 +143,21 @@ class Live(PageLoop):
 
     # -- actions of viewers --------------------------------------------------------------------
 
-    def act(self, viewer: Viewer | None, do: Callable[[], object]) -> bool:
+    def act(self, viewer: Viewer | None, action: Callable[[], object]) -> bool:
         """Performs an action for a viewer, if permitted; returns whether it was performed."""
         if viewer is not None and not self.holder.claim(viewer):
             self._refuse(viewer)
             return False
         try:
-            do()
+            action()
         except FantocciniError as error:
             self.panel.report(str(error))
             return False
         return True
 
-    def later(self, viewer: Viewer | None, do: Callable[[], None]) -> bool:
+    def enqueue(self, viewer: Viewer | None, action: Callable[[], None]) -> bool:
         """Queues an action as in :meth:`act` for the loop's thread, between two frames."""
-        return self.act(viewer, lambda: self.jobs.put(do))
+        return self.act(viewer, lambda: self.jobs.put(action))
 
     def pause(self) -> None:
         """Pauses or resumes the time."""
@@ -168,13 +168,13 @@ class Live(PageLoop):
         """Pauses, and advances by one frame."""
         if not self.paused:
             self.pause()
-        (self.stage.show or self.performance).advance(1.0 / REFRESH.rate)
+        (self.stage.live_play or self.performance).advance(1.0 / REFRESH.rate)
 
     def reset(self) -> None:
         """Returns to the start."""
         balanced = self.balance is not None
-        (self.stage.show or self.performance).reset()
-        self._past.clear()
+        (self.stage.live_play or self.performance).reset()
+        self._tension_history.clear()
         self.set_balance(balanced)
 
     @property
@@ -205,14 +205,16 @@ class Live(PageLoop):
         if handle is None:
             return
         size = self.nodes.geometry.size
-        displacement = nudge(handle.axes, self._line_of_sight(camera), right * size, up * size)
+        displacement = push_displacement(
+            handle.axes, self._line_of_sight(camera), right * size, up * size
+        )
         position, _ = self.performance.target(handle.name)
         self.performance.move(handle.name, position + displacement)
 
-    def wind(self, by: float) -> None:
+    def wind(self, change: float) -> None:
         """Winds the string of the selected handle, in units of the puppet's size."""
         if self.controls.selected is not None:
-            self.controls.wind(self.controls.selected, by * self.nodes.geometry.size)
+            self.controls.wind(self.controls.selected, change * self.nodes.geometry.size)
 
     def set_parameters(self, values: dict[str, float]) -> None:
         """Continues with other parameter values."""
@@ -242,10 +244,10 @@ class Live(PageLoop):
             n_waiting -= 1
             self._safely(job)
 
-    def _safely(self, do: Callable[[], None]) -> None:
+    def _safely(self, action: Callable[[], None]) -> None:
         """Runs something; errors are shown on the page and do not end the loop."""
         try:
-            do()
+            action()
         except FantocciniError as error:
             self.panel.report(str(error))
         except Exception as error:
@@ -255,19 +257,19 @@ class Live(PageLoop):
         self._follow_pads(duration)
         if not self.paused:
             self.body_pulls.update(self._poses())
-            (self.stage.show or self.performance).advance(duration * self.factor)
-        self.stage.factor = 0.0 if self.paused else self.factor
-        self.stage.frame()
+            (self.stage.live_play or self.performance).advance(duration * self.time_factor)
+        self.stage.time_factor = 0.0 if self.paused else self.time_factor
+        self.stage.mark_frame()
         scene = self._scene_state()
         self._remember(now, scene)
         with self.server.viser.atomic():
             self.nodes.show(scene)
             self.controls.update(scene.poses)
-            if now >= self._due["marks"]:
-                self._due["marks"] = now + REFRESH.marks
+            if now >= self._next_update["marks"]:
+                self._next_update["marks"] = now + REFRESH.marks
                 self.controls.mark_lag(self.performance.lagging)
-            if now >= self._due["numbers"]:
-                self._due["numbers"] = now + REFRESH.numbers
+            if now >= self._next_update["numbers"]:
+                self._next_update["numbers"] = now + REFRESH.numbers
                 self.controls.update_sliders()
                 self.panel.update(scene, self.performance.lagging, self._history())
         # Otherwise viser waits for more messages and merges two frames.
@@ -288,19 +290,22 @@ class Live(PageLoop):
         return scene_of_state(p.marionette, p.state, p.tension, arrows)
 
     def _remember(self, now: float, scene: SceneState) -> None:
-        if self.paused or now < self._due["sample"] or scene.tension is None:
+        if self.paused or now < self._next_update["sample"] or scene.tension is None:
             return
-        self._due["sample"] = now + _TIMING.samples
-        self._past.append((scene.t, scene.tension))
-        while self._past[-1][0] - self._past[0][0] > _TIMING.history or self._past[0][0] > scene.t:
-            self._past.popleft()
+        self._next_update["sample"] = now + _TIMING.samples
+        self._tension_history.append((scene.t, scene.tension))
+        while (
+            self._tension_history[-1][0] - self._tension_history[0][0] > _TIMING.history
+            or self._tension_history[0][0] > scene.t
+        ):
+            self._tension_history.popleft()
 
     def _history(self) -> tuple[np.ndarray, np.ndarray]:
         """Times (n,) relative to now [s] and tensions (n_strings, n) [N]."""
-        if len(self._past) < 2:
+        if len(self._tension_history) < 2:
             return np.array([-_TIMING.history, 0.0]), np.zeros((len(self.nodes.geometry.names), 2))
-        t = np.array([at for at, _ in self._past])
-        return t - t[-1], np.array([tension for _, tension in self._past]).T
+        t = np.array([sample_time for sample_time, _ in self._tension_history])
+        return t - t[-1], np.array([tension for _, tension in self._tension_history]).T
 
     def _viewer(self, device: str) -> Viewer:
         """Viewer that uses a device: with a single client, that client."""
@@ -308,14 +313,14 @@ class Live(PageLoop):
         return clients[0] if len(clients) == 1 else device
 
     def _go(self) -> None:
-        self.later(self._viewer("midi"), self.stage.go)
+        self.enqueue(self._viewer("midi"), self.stage.go)
 
     def _follow_pads(self, duration: float) -> None:
         pressed, sticks = self.pads.pressed(), self.pads.sticks
         if not pressed and not sticks.moved:
             return
         viewer = self._viewer(self.pads.name)
-        for button, do in (
+        for button, action in (
             (pad.NEXT, lambda: self.controls.select_next(1)),
             (pad.PREVIOUS, lambda: self.controls.select_next(-1)),
             (pad.PAUSE, self.pause),
@@ -323,7 +328,7 @@ class Live(PageLoop):
             (pad.RECORD, self.record),
         ):
             if button in pressed:
-                self.act(viewer, do)
+                self.act(viewer, action)
         if sticks.moved:
             distance = _TIMING.pad_speed * duration
             self.act(viewer, lambda: self.push(distance * sticks.right, distance * sticks.away))
@@ -332,23 +337,23 @@ class Live(PageLoop):
     # -- another puppet ------------------------------------------------------------------------
 
     def _poll_file(self, now: float) -> None:
-        score = self.stage.poll(now)
-        if score is not None:
-            self.panel.show_mistakes("score", score)
-        reload = None if self._file is None else self._file.poll(now)
-        if reload is None:
+        score_mistakes = self.stage.poll(now)
+        if score_mistakes is not None:
+            self.panel.show_mistakes("score", score_mistakes)
+        reloaded = None if self._file is None else self._file.poll(now)
+        if reloaded is None:
             return
-        self.panel.show_mistakes("puppet", reload.mistakes)
-        if reload.content is None:
+        self.panel.show_mistakes("puppet", reloaded.mistakes)
+        if reloaded.content is None:
             return
-        lost = self.stage.replace(reload.content)
+        losses = self.stage.replace(reloaded.content)
         if self.stage.score is not None:
             self.panel.show_mistakes("score", ())
-        self._past.clear()
+        self._tension_history.clear()
         with self.server.viser.atomic():
             self._clear()
             self._build()
-        self._report(("the puppet file was loaded again", *lost))
+        self._report(("the puppet file was loaded again", *losses))
 
     def _build(self) -> None:
         geometry = self._geometry()
@@ -363,11 +368,16 @@ class Live(PageLoop):
             self.nodes.view(self._viewpoint),
             self.act,
             lambda: self.panel.drag_winds,
-            self.holder.leave,
+            self.holder.release,
             self.panel.lengths,
         )
         self.body_pulls = BodyPulls(
-            self.server.viser, self.performance, self.nodes, self.theme, self.act, self.holder.leave
+            self.server.viser,
+            self.performance,
+            self.nodes,
+            self.theme,
+            self.act,
+            self.holder.release,
         )
         self.panel.set_up(self.controls)
         self.nodes.show(self._scene_state())
@@ -380,7 +390,7 @@ class Live(PageLoop):
 
     def _geometry(self) -> Geometry:
         p = self.performance
-        return geometry_at(p.marionette, p.state, self._typical_tensions())
+        return state_geometry(p.marionette, p.state, self._typical_tensions())
 
     def _typical_tensions(self) -> np.ndarray:
         """(n_strings,) typical tensions of the puppet, for the scale [N]."""
@@ -432,7 +442,7 @@ class Live(PageLoop):
         """
         if camera.aspect < 1.0:
             self.nodes.aim_camera(camera, self._viewpoint)
-        elif self.stage.show is not None:
+        elif self.stage.live_play is not None:
             covered = min(_PANEL_WIDTH / max(camera.image_width, 1), 0.5)
             self.nodes.aim_camera(camera, self._viewpoint, covered)
 

@@ -8,16 +8,24 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeVar, cast
 
 import numpy as np
 
-from fantoccini.app.live.controls import WARNING, Controls
+from fantoccini.app.live.controls import WARNING_COLOUR, Controls
 from fantoccini.app.live.holder import Holder, HolderLine, Viewer
 from fantoccini.app.live.perform_tabs import GesturesTab, TakesTab
 from fantoccini.app.live.play_tab import PlayTab
 from fantoccini.app.live.recorder import Recorder
 from fantoccini.app.live.score_tab import ScoreTab
 from fantoccini.app.live.stage import Stage
-from fantoccini.app.pages import VIEWS, Plot, SceneNodes, SceneState, Views, bars, note
+from fantoccini.app.pages import (
+    VIEWS,
+    Plot,
+    SceneNodes,
+    SceneState,
+    Views,
+    note_html,
+    tension_table_html,
+)
 from fantoccini.base import UNSOUND
-from fantoccini.output.html import Content, element, lines, to_html
+from fantoccini.output.html import Content, element, line_elements, to_html
 from fantoccini.output.view import Theme, to_hex
 from fantoccini.theatre.perform import Balance, Performance
 
@@ -26,8 +34,8 @@ if TYPE_CHECKING:
 
 Node = TypeVar("Node")
 
-SPEEDS = {"1": 1.0, "1/2": 0.5, "1/4": 0.25, "1/8": 0.125, "1/16": 0.0625}
-_PUSH = 0.012
+SPEED_FACTORS = {"1": 1.0, "1/2": 0.5, "1/4": 0.25, "1/8": 0.125, "1/16": 0.0625}
+_PUSH_PER_KEY = 0.012
 """Motion of a handle for each press of a key, relative to the puppet's size."""
 _HINT = "Drag a bead to move it, or a body to pull it."
 _HINT_WINDS = (
@@ -40,7 +48,7 @@ _KEYS = (
     "the buttons; H home, B taps the beat, M metronome, L plays the take, O overdubs, Space GO. "
     "A gamepad works, too."
 )
-_RED = to_hex(WARNING)
+_RED = to_hex(WARNING_COLOUR)
 
 
 class LiveActions(Protocol):
@@ -52,21 +60,21 @@ class LiveActions(Protocol):
     controls: Controls
     holder: Holder
     paused: bool
-    factor: float
+    time_factor: float
 
     @property
     def recorder(self) -> Recorder: ...
     @property
     def balance(self) -> Balance | None: ...
     def set_balance(self, balance_on: bool) -> None: ...
-    def act(self, viewer: Viewer | None, do: Callable[[], object]) -> bool: ...
-    def later(self, viewer: Viewer | None, do: Callable[[], None]) -> bool: ...
+    def act(self, viewer: Viewer | None, action: Callable[[], object]) -> bool: ...
+    def enqueue(self, viewer: Viewer | None, action: Callable[[], None]) -> bool: ...
     def pause(self) -> None: ...
     def step(self) -> None: ...
     def reset(self) -> None: ...
     def record(self) -> None: ...
     def push(self, right: float, up: float, camera: viser.CameraHandle | None = None) -> None: ...
-    def wind(self, by: float) -> None: ...
+    def wind(self, change: float) -> None: ...
     def set_parameters(self, values: dict[str, float]) -> None: ...
 
 
@@ -96,14 +104,16 @@ class LivePanel:
         self._mistakes = gui.add_html("", order=-2.0, visible=False)
         self._hint = gui.add_html("", order=-1.0)
         self._pause = gui.add_button("Pause", icon="player-pause")
-        steps = gui.add_button_group("Time", ("Step", "Reset"))
+        step_buttons = gui.add_button_group("Time", ("Step", "Reset"))
         self._record = gui.add_button("Record", icon="player-record", color="red")
         tabs = gui.add_tab_group()
         # The page opens with the first tab: a performance needs GO, the cue and the caption.
         self._play: PlayTab | None = None
         self._score: ScoreTab | None = None
-        if live.stage.show is not None:
-            self._play = PlayTab(live, gui, tabs.add_tab("Play"), self._command, live.stage.show)
+        if live.stage.live_play is not None:
+            self._play = PlayTab(
+                live, gui, tabs.add_tab("Play"), self._command, live.stage.live_play
+            )
         elif live.stage.score is not None:
             self._score = ScoreTab(live, gui, tabs.add_tab("Score"), self._command, theme)
         self._strings = tabs.add_tab("Strings")
@@ -113,17 +123,19 @@ class LivePanel:
             )
             self._balance.on_update(self._set_balance)
             with gui.add_folder("Speed and view", expand_by_default=False):
-                self._speed = gui.add_dropdown("Speed", tuple(SPEEDS), initial_value="1")
-                self.views = Views(gui, lambda: live.nodes, self._touches)
+                self._speed = gui.add_dropdown("Speed", tuple(SPEED_FACTORS), initial_value="1")
+                self.views = Views(gui, lambda: live.nodes, self._has_contact)
                 self._names = gui.add_checkbox("Names", True, hint="Names of the handles")
                 self._names.on_update(lambda _: live.controls.show_names(self._names.value))
         gestures, takes = tabs.add_tab("Gestures"), tabs.add_tab("Takes")
         self._gestures = GesturesTab(live, gui, gestures, self._command)
         self.takes = TakesTab(live, gui, takes, self._command, theme.name)
-        self._pause.on_click(lambda e: live.later(e.client_id, live.pause))
-        self._record.on_click(lambda e: live.later(e.client_id, live.record))
-        steps.on_click(
-            lambda e: live.later(e.client_id, live.step if e.target.value == "Step" else live.reset)
+        self._pause.on_click(lambda e: live.enqueue(e.client_id, live.pause))
+        self._record.on_click(lambda e: live.enqueue(e.client_id, live.record))
+        step_buttons.on_click(
+            lambda e: live.enqueue(
+                e.client_id, live.step if e.target.value == "Step" else live.reset
+            )
         )
         self._speed.on_update(self._set_speed)
         self._add_keys()
@@ -142,22 +154,22 @@ class LivePanel:
         self._nodes = nodes
         self.views.apply()
         names = nodes.geometry.names
-        winds = bool(live.performance.lengths)
-        self._hint.content = note(_HINT_WINDS if winds else _HINT)
+        can_wind = bool(live.performance.lengths)
+        self._hint.content = note_html(_HINT_WINDS if can_wind else _HINT)
         handles = tuple(handle.name for handle in live.performance.handles)
         self.handle_choice: viser.GuiDropdownHandle[str] | None = None
-        self._winds: viser.GuiCheckboxHandle | None = None
-        self._shown: str | None = None
+        self._wind_box: viser.GuiCheckboxHandle | None = None
+        self._shown_handle: str | None = None
         if handles:
             choice = gui.add_dropdown("Handle", handles, hint="F and G choose")
             self.handle_choice = self._register(choice)
-            self._shown = self.handle_choice.value
+            self._shown_handle = self.handle_choice.value
             self.handle_choice.on_update(self._choose)
-        if winds:
-            self._winds = self._register(
+        if can_wind:
+            self._wind_box = self._register(
                 gui.add_checkbox("Drag winds", False, hint="Dragging winds strings without Shift")
             )
-        self.lengths = self._register(gui.add_folder("String lengths [m]", visible=winds))
+        self.lengths = self._register(gui.add_folder("String lengths [m]", visible=can_wind))
         if names:
             tension = self._register(gui.add_folder("Tension"))
             with tension:
@@ -177,7 +189,7 @@ class LivePanel:
                 for name, value in current.items():
                     self._add_parameter(name, float(value))
         with self._register(gui.add_folder("Keys", expand_by_default=False)):
-            gui.add_html(note(_KEYS))
+            gui.add_html(note_html(_KEYS))
 
     @property
     def forces(self) -> bool:
@@ -187,7 +199,7 @@ class LivePanel:
     @property
     def drag_winds(self) -> bool:
         """Whether dragging a bead winds its string, without Shift."""
-        return self._winds is not None and self._winds.value
+        return self._wind_box is not None and self._wind_box.value
 
     def set_up(self, controls: Controls) -> None:
         """Applies the boxes to new beads and rings."""
@@ -213,23 +225,23 @@ class LivePanel:
         if self._balance.value != on:
             self._balance.value = on
 
-    def show_mistakes(self, what: str, mistakes: tuple[str, ...]) -> None:
+    def show_mistakes(self, kind: str, mistakes: tuple[str, ...]) -> None:
         """Shows the mistakes in the file of the puppet or of the score."""
-        self._mistakes_by_file = {**self._mistakes_by_file, what: mistakes}
+        self._mistakes_by_file = {**self._mistakes_by_file, kind: mistakes}
         with_mistakes = {
-            what: lines_of_file
-            for what, lines_of_file in self._mistakes_by_file.items()
+            kind: lines_of_file
+            for kind, lines_of_file in self._mistakes_by_file.items()
             if lines_of_file
         }
         self._mistakes.visible = bool(with_mistakes)
-        lead = "; ".join(f"the {what} is unchanged" for what in with_mistakes)
-        box = (
+        unchanged_text = "; ".join(f"the {kind} is unchanged" for kind in with_mistakes)
+        box_style = (
             f"margin:0 0.5em;padding:0.5em 0.7em;border-left:4px solid {_RED};"
             "background:rgba(214,69,69,0.12);font-size:0.82em;overflow-wrap:anywhere"
         )
-        head = element("b", f"The file has errors; {lead}.")
-        rows = lines(line for mistakes in with_mistakes.values() for line in mistakes)
-        self._mistakes.content = to_html(element("div", head, *rows, style=box))
+        heading = element("b", f"The file has errors; {unchanged_text}.")
+        rows = line_elements(line for mistakes in with_mistakes.values() for line in mistakes)
+        self._mistakes.content = to_html(element("div", heading, *rows, style=box_style))
 
     def update(
         self, scene: SceneState, lagging: dict[str, str], history: tuple[np.ndarray, np.ndarray]
@@ -241,12 +253,12 @@ class LivePanel:
             lagging: handles and strings that cannot follow -> reason.
             history: times relative to now [s] and tensions [N].
         """
-        self._status.content = self._about(scene, lagging)
+        self._status.content = self._status_html(scene, lagging)
         self._holder_line.update(self._live.holder.viewer)
         selected = self._live.controls.selected
         # Only changes are sent: a viewer may just have chosen another handle.
-        if self.handle_choice is not None and self._shown != selected:
-            self.handle_choice.value = self._shown = selected
+        if self.handle_choice is not None and self._shown_handle != selected:
+            self.handle_choice.value = self._shown_handle = selected
         self._record.label = "Stop recording" if self._live.recorder.running else "Record"
         self._gestures.build()
         self._gestures.update()
@@ -257,26 +269,26 @@ class LivePanel:
         if self._play is not None:
             self._play.update()
         if self._nodes.geometry.names:
-            self._bars.content = bars(self._nodes.geometry.names, scene, self._nodes)
+            self._bars.content = tension_table_html(self._nodes.geometry.names, scene, self._nodes)
             t, tension = history
             self._plot.draw(t, np.minimum(tension, 10.0 * self._nodes.colours.full_scale))
 
     # -- inside --------------------------------------------------------------------------------
 
-    def _touches(self) -> bool:
+    def _has_contact(self) -> bool:
         return self._live.performance.contact is not None
 
-    def _about(self, scene: SceneState, lagging: dict[str, str]) -> str:
+    def _status_html(self, scene: SceneState, lagging: dict[str, str]) -> str:
         live = self._live
-        clock: list[Content] = [f"{scene.t:.1f} s"]
+        clock_parts: list[Content] = [f"{scene.t:.1f} s"]
         if live.paused:
-            clock.append(", paused")
-        elif live.factor != 1.0:
-            clock.append(f", {live.factor:g} times as fast")
+            clock_parts.append(", paused")
+        elif live.time_factor != 1.0:
+            clock_parts.append(f", {live.time_factor:g} times as fast")
         if live.recorder.running:
             recorded = f"\N{BLACK CIRCLE} recording {live.recorder.time:.1f} s"
-            clock += [" \N{EN SPACE}", element("span", recorded, style=f"color:{_RED}")]
-        rows = [element("div", *clock)]
+            clock_parts += [" \N{EN SPACE}", element("span", recorded, style=f"color:{_RED}")]
+        rows = [element("div", *clock_parts)]
         if live.balance is not None:
             rows.append(element("div", f"The hands balance it: {live.balance.summary}"))
         if (status := live.performance.status) in UNSOUND:
@@ -292,60 +304,64 @@ class LivePanel:
     def _choose(self, event: Any) -> None:
         if event.client_id is not None:
             name = event.target.value
-            self._live.later(None, lambda: self._live.controls.select(name))
+            self._live.enqueue(None, lambda: self._live.controls.select(name))
 
     async def _set_balance(self, event: Any) -> None:
         # Asynchronous, because viser calls it at once, with the value of the click.
         if event.client_id is None:
             return
         live, balance = self._live, self._balance.value
-        if not live.later(event.client_id, lambda: live.set_balance(balance)):
+        if not live.enqueue(event.client_id, lambda: live.set_balance(balance)):
             self._balance.value = not balance
 
     def _set_speed(self, event: Any) -> None:
         if event.client_id is None:
             return
-        factor = SPEEDS[self._speed.value]
-        if not self._live.act(event.client_id, lambda: setattr(self._live, "factor", factor)):
-            self._speed.value = next(k for k, v in SPEEDS.items() if v == self._live.factor)
+        time_factor = SPEED_FACTORS[self._speed.value]
+        if not self._live.act(
+            event.client_id, lambda: setattr(self._live, "time_factor", time_factor)
+        ):
+            self._speed.value = next(
+                k for k, v in SPEED_FACTORS.items() if v == self._live.time_factor
+            )
 
     def _add_parameter(self, name: str, value: float) -> None:
         low, high = (0.2 * value, 3.0 * value) if value else (-1.0, 1.0)
         low, high = min(low, high), max(low, high)
         slider = self._gui.add_slider(name, low, high, (high - low) / 280.0, value)
 
-        def moved(event: Any) -> None:
+        def handle_slider(event: Any) -> None:
             if event.client_id is None:
                 return
             live, value = self._live, float(slider.value)
-            if not live.later(event.client_id, lambda: live.set_parameters({name: value})):
+            if not live.enqueue(event.client_id, lambda: live.set_parameters({name: value})):
                 marionette = live.performance.marionette
                 slider.value = float(marionette.p[list(marionette.tree.parameters).index(name)])
 
-        slider.on_update(moved)
+        slider.on_update(handle_slider)
 
     def _add_keys(self) -> None:
         live = self._live
 
-        def acts(label: str, key: str, do: Callable[[viser.CameraHandle], None]) -> None:
+        def add_key(label: str, key: str, action: Callable[[viser.CameraHandle], None]) -> None:
             command = self._gui.add_command(label, hotkey=key)
-            command.on_trigger(lambda e: live.later(e.client_id, lambda: do(e.client.camera)))
+            command.on_trigger(lambda e: live.enqueue(e.client_id, lambda: action(e.client.camera)))
 
-        acts("Pause or continue", "P", lambda _: live.pause())
-        acts("Step", "N", lambda _: live.step())
-        acts("Reset", "R", lambda _: live.reset())
-        acts("Record or stop", "T", lambda _: live.record())
-        acts("Next handle", "F", lambda _: live.controls.select_next(1))
-        acts("Previous handle", "G", lambda _: live.controls.select_next(-1))
+        add_key("Pause or continue", "P", lambda _: live.pause())
+        add_key("Step", "N", lambda _: live.step())
+        add_key("Reset", "R", lambda _: live.reset())
+        add_key("Record or stop", "T", lambda _: live.record())
+        add_key("Next handle", "F", lambda _: live.controls.select_next(1))
+        add_key("Previous handle", "G", lambda _: live.controls.select_next(-1))
         for label, key, right, up in (
-            ("left", "A", -_PUSH, 0.0),
-            ("right", "D", _PUSH, 0.0),
-            ("up or away", "W", 0.0, _PUSH),
-            ("down or near", "S", 0.0, -_PUSH),
+            ("left", "A", -_PUSH_PER_KEY, 0.0),
+            ("right", "D", _PUSH_PER_KEY, 0.0),
+            ("up or away", "W", 0.0, _PUSH_PER_KEY),
+            ("down or near", "S", 0.0, -_PUSH_PER_KEY),
         ):
-            acts(f"Handle {label}", key, partial(live.push, right, up))
-        acts("Wind in", "E", lambda _: live.wind(-_PUSH))
-        acts("Wind out", "Q", lambda _: live.wind(_PUSH))
+            add_key(f"Handle {label}", key, partial(live.push, right, up))
+        add_key("Wind in", "E", lambda _: live.wind(-_PUSH_PER_KEY))
+        add_key("Wind out", "Q", lambda _: live.wind(_PUSH_PER_KEY))
         # Not Shift with a digit: browsers name that key by its character, such as `!`.
         for key, view in zip("FSQT", VIEWS, strict=True):
             camera = self._gui.add_command(
@@ -353,10 +369,10 @@ class LivePanel:
             )
             camera.on_trigger(lambda e, view=view: live.nodes.aim_camera(e.client.camera, view))
 
-    def _command(self, label: str, key: str, do: Callable[[], None]) -> Any:
+    def _command(self, label: str, key: str, action: Callable[[], None]) -> Any:
         """Adds a key whose action runs in the loop's thread."""
         command = self._gui.add_command(label, hotkey=cast(Any, key))
-        command.on_trigger(lambda e: self._live.later(e.client_id, do))
+        command.on_trigger(lambda e: self._live.enqueue(e.client_id, action))
         return command
 
     def _register(self, node: Node) -> Node:

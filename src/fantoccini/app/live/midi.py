@@ -39,14 +39,14 @@ class Midi:
     """Receiver of GO from MIDI devices of viewers.
 
     Args:
-        go: called on GO.
+        on_go: called on GO.
     """
 
-    def __init__(self, go: Callable[[], object]):
-        self._go = go
+    def __init__(self, on_go: Callable[[], object]):
+        self._on_go = on_go
 
     async def serve(self, connection: Any) -> None:
         """Serves a websocket to :data:`MIDI_SCRIPT`."""
         async for message in connection:
             if message == "go":
-                self._go()
+                self._on_go()

@@ -9,17 +9,17 @@ from typing import TYPE_CHECKING, Any, Protocol
 from fantoccini.app.live.holder import Viewer
 from fantoccini.app.live.stage import Stage
 from fantoccini.app.live.takes import Edits
-from fantoccini.app.pages import note
+from fantoccini.app.pages import note_html
 from fantoccini.theatre.perform import TEMPO_RANGE
 
 if TYPE_CHECKING:
     import viser
 
-_PER_ROW = 3
+_BUTTONS_PER_ROW = 3
 """Number of gesture buttons in a row."""
-KEYS = "1234567890ZXCVUIJK"
+GESTURE_KEYS = "1234567890ZXCVUIJK"
 """Keys of the gestures, in order; further gestures have no key."""
-_NONE = "none yet"
+_NO_TAKE = "none yet"
 
 
 class StageActions(Protocol):
@@ -27,7 +27,7 @@ class StageActions(Protocol):
 
     stage: Stage
 
-    def later(self, viewer: Viewer | None, do: Callable[[], None]) -> bool: ...
+    def enqueue(self, viewer: Viewer | None, action: Callable[[], None]) -> bool: ...
 
 
 class GesturesTab:
@@ -37,7 +37,7 @@ class GesturesTab:
         live: live puppet on which the buttons act.
         gui: controls of the server.
         tab: tab of the panel.
-        command: adds a key, given a description, the key, and its action.
+        add_key: adds a key, given a description, the key, and its action.
     """
 
     def __init__(
@@ -45,27 +45,27 @@ class GesturesTab:
         live: StageActions,
         gui: viser.GuiApi,
         tab: Any,
-        command: Callable[[str, str, Callable[[], None]], Any],
+        add_key: Callable[[str, str, Callable[[], None]], Any],
     ):
-        self._live, self._gui, self._tab, self._command = live, gui, tab, command
+        self._live, self._gui, self._tab, self._add_key = live, gui, tab, add_key
         self._removable: list[Any] = []
         self._names: tuple[str, ...] | None = None
         options, player = live.stage.gesture_player.options, live.stage.gesture_player
         with tab:
-            self._about = gui.add_html("")
+            self._status = gui.add_html("")
             home = gui.add_button(
                 "Home (H)",
                 icon="home",
                 color="gray",
                 hint="Ends all gestures; if there are none, the hands go to the start",
             )
-            home.on_click(lambda e: live.later(e.client_id, self._go_home))
-            boxes = (
+            home.on_click(lambda e: live.enqueue(e.client_id, self._go_home))
+            box_texts = (
                 ("Mirrored", "mirrored", "Exchange left and right"),
                 ("Again", "repeat", "Repeat until the button is pressed again"),
                 ("On the beat", "on_beat", "Begin on the next beat"),
             )
-            for label, name, hint in boxes:
+            for label, name, hint in box_texts:
                 self._bind_option(gui.add_checkbox(label, False, hint=hint), options, name)
             self._bind_option(gui.add_slider("Size", 0.25, 2.0, 0.05, 1.0), options, "size")
             self._bind_option(gui.add_slider("Speed", 0.5, 2.0, 0.05, 1.0), options, "speed")
@@ -73,22 +73,22 @@ class GesturesTab:
                 "Beats a minute", TEMPO_RANGE.slowest, TEMPO_RANGE.fastest, 1.0, player.tempo.bpm
             )
             beat = gui.add_button_group("B M", ("Tap", "Metronome"), hint="Tap on every beat")
-        command("Home: end all gestures", "H", self._go_home)
-        command("Tap the beat", "B", self._tap)
-        command("Metronome on or off", "M", self._click)
+        add_key("Home: end all gestures", "H", self._go_home)
+        add_key("Tap the beat", "B", self._tap)
+        add_key("Metronome on or off", "M", self._toggle_metronome)
 
         async def set_bpm(event: Any) -> None:
             if event.client_id is not None:
                 bpm = float(self._bpm.value)
-                if not live.later(event.client_id, lambda: player.set_tempo(bpm)):
+                if not live.enqueue(event.client_id, lambda: player.set_tempo(bpm)):
                     self._bpm.value = float(round(player.tempo.bpm))
 
-        async def pressed(event: Any) -> None:
-            do = self._tap if event.target.value == "Tap" else self._click
-            live.later(event.client_id, do)
+        async def handle_press(event: Any) -> None:
+            action = self._tap if event.target.value == "Tap" else self._toggle_metronome
+            live.enqueue(event.client_id, action)
 
         self._bpm.on_update(set_bpm)
-        beat.on_click(pressed)
+        beat.on_click(handle_press)
 
     def build(self) -> None:
         """Shows buttons for the current gestures."""
@@ -100,11 +100,11 @@ class GesturesTab:
             button.remove()
         self._removable.clear()
         with self._tab:
-            for k in range(0, len(names), _PER_ROW):
-                self._add_row(k, names[k : k + _PER_ROW])
-        for key, name in zip(KEYS, names, strict=False):
+            for k in range(0, len(names), _BUTTONS_PER_ROW):
+                self._add_row(k, names[k : k + _BUTTONS_PER_ROW])
+        for key, name in zip(GESTURE_KEYS, names, strict=False):
             self._removable.append(
-                self._command(f"Gesture: {name}", key, partial(self._press, name))
+                self._add_key(f"Gesture: {name}", key, partial(self._press, name))
             )
 
     def update(self) -> None:
@@ -125,20 +125,20 @@ class GesturesTab:
 
     # -- inside ------------------------------------------------------------------------------
 
-    def _set_text(self, words: str) -> None:
-        content = note(words)
-        if self._about.content != content:
-            self._about.content = content
+    def _set_text(self, text: str) -> None:
+        content = note_html(text)
+        if self._status.content != content:
+            self._status.content = content
 
     def _add_row(self, first: int, names: tuple[str, ...]) -> None:
-        keys = " ".join(KEYS[first : first + len(names)])
+        keys = " ".join(GESTURE_KEYS[first : first + len(names)])
         row = self._gui.add_button_group(keys or " ", names, order=-1000.0 + first)
 
-        async def pressed(event: Any) -> None:
+        async def handle_press(event: Any) -> None:
             name = str(event.target.value)
-            self._live.later(event.client_id, lambda: self._press(name))
+            self._live.enqueue(event.client_id, lambda: self._press(name))
 
-        row.on_click(pressed)
+        row.on_click(handle_press)
         self._removable.append(row)
 
     def _press(self, name: str) -> None:
@@ -151,7 +151,7 @@ class GesturesTab:
         self._live.stage.gesture_player.tap()
         self._live.stage.sounds.changed()
 
-    def _click(self) -> None:
+    def _toggle_metronome(self) -> None:
         player = self._live.stage.gesture_player
         player.metronome = not player.metronome
         self._live.stage.sounds.changed()
@@ -159,14 +159,14 @@ class GesturesTab:
     def _bind_option(self, control: Any, options: Any, name: str) -> None:
         """Binds an option of the gestures to a control."""
 
-        async def changed(event: Any) -> None:
+        async def handle_change(event: Any) -> None:
             if event.client_id is None:
                 return
             value = control.value
-            if not self._live.later(event.client_id, lambda: setattr(options, name, value)):
+            if not self._live.enqueue(event.client_id, lambda: setattr(options, name, value)):
                 control.value = getattr(options, name)
 
-        control.on_update(changed)
+        control.on_update(handle_change)
 
 
 def _dots(beat: int) -> str:
@@ -186,7 +186,7 @@ class TakesTab:
         lane_boxes: boxes of an overdub by lane.
 
     Args:
-        live, gui, tab, command: see :class:`GesturesTab`.
+        live, gui, tab, add_key: see :class:`GesturesTab`.
         theme: name of the theme of films.
     """
 
@@ -195,7 +195,7 @@ class TakesTab:
         live: StageActions,
         gui: viser.GuiApi,
         tab: Any,
-        command: Callable[[str, str, Callable[[], None]], Any],
+        add_key: Callable[[str, str, Callable[[], None]], Any],
         theme: str,
     ):
         self._live, self._gui, self._theme = live, gui, theme
@@ -204,8 +204,8 @@ class TakesTab:
         self.part_of, self._tab = "", tab
         self.lane_boxes: dict[str, Any] = {}
         with tab:
-            self._about = gui.add_html("")
-            self.choice = gui.add_dropdown("Take", (_NONE,), hint="The newest first")
+            self._status = gui.add_html("")
+            self.choice = gui.add_dropdown("Take", (_NO_TAKE,), hint="The newest first")
             self._play = gui.add_button(
                 "Play (L)",
                 icon="player-play",
@@ -220,26 +220,27 @@ class TakesTab:
                 self.stretch = gui.add_slider(
                     "Stretch", 0.25, 4.0, 0.05, 1.0, hint="Factor on the duration"
                 )
-                self._keep = gui.add_button_group("Save as", ("New take", "Film"))
+                self._save_buttons = gui.add_button_group("Save as", ("New take", "Film"))
             with gui.add_folder("Gesture"):
                 self.name_field = gui.add_text("Name", "", hint="Letters, digits, _ and -")
                 make = gui.add_button("Make a gesture of it", color="gray")
-            self._armed = gui.add_folder("Overdub", expand_by_default=False)
-            with self._armed:
+            self._overdub_folder = gui.add_folder("Overdub", expand_by_default=False)
+            with self._overdub_folder:
                 gui.add_html(
-                    note("You move the ticked strings, the take moves the others."), order=-2000.0
+                    note_html("You move the ticked strings, the take moves the others."),
+                    order=-2000.0,
                 )
                 overdub = gui.add_button("Overdub (O)", icon="player-record", color="red")
-        self._play.on_click(lambda e: live.later(e.client_id, self._play_take))
-        make.on_click(lambda e: live.later(e.client_id, self._make))
-        overdub.on_click(lambda e: live.later(e.client_id, self._overdub))
+        self._play.on_click(lambda e: live.enqueue(e.client_id, self._play_take))
+        make.on_click(lambda e: live.enqueue(e.client_id, self._make_gesture))
+        overdub.on_click(lambda e: live.enqueue(e.client_id, self._overdub))
         self.choice.on_update(self._choose)
-        self.repeat.on_update(self._loop)
+        self.repeat.on_update(self._handle_loop)
         for control in (self._smooth, self.stretch):
             control.on_update(self._edit)
-        self._keep.on_click(self._save)
-        command("Play or stop the take", "L", self._play_take)
-        command("Overdub the take", "O", self._overdub)
+        self._save_buttons.on_click(self._save)
+        add_key("Play or stop the take", "L", self._play_take)
+        add_key("Overdub the take", "O", self._overdub)
 
     def build(self) -> None:
         """Shows boxes for the current lanes."""
@@ -248,26 +249,26 @@ class TakesTab:
             return
         for box in self.lane_boxes.values():
             box.remove()
-        with self._armed:
+        with self._overdub_folder:
             self.lane_boxes = {
                 lane: self._gui.add_checkbox(lane, lane in stage.armed, order=-1000.0 + k)
                 for k, lane in enumerate(stage.performance.lanes)
             }
         for lane, box in self.lane_boxes.items():
-            box.on_update(self._arms(lane, box))
+            box.on_update(self._arm_handler(lane, box))
 
     def update(self) -> None:
         """Shows the current takes, and the state of the chosen one."""
         takes = self._live.stage.takes
-        names = takes.names or (_NONE,)
+        names = takes.names or (_NO_TAKE,)
         if names != self._shown:
             self._shown = names
             self.choice.options = names
         if takes.chosen != self.part_of and takes.take is not None:
             self._show_chosen()
         text = self._status_html()
-        if self._about.content != text:
-            self._about.content = text
+        if self._status.content != text:
+            self._status.content = text
         playing = self._live.stage.performance.take_time is not None
         label = "Stop (L)" if playing else "Play (L)"
         if self._play.label != label:
@@ -288,7 +289,7 @@ class TakesTab:
                 text = f"{edits.start:.2f} s to {edits.end:.2f} s of {text}"
             if t is not None:
                 text = f"Plays {t:.1f} s of {stage.takes.edited().duration:.1f} s"
-        return note("; ".join(part for part in (text, stage.worker.status) if part))
+        return note_html("; ".join(part for part in (text, stage.worker.status) if part))
 
     def _show_chosen(self) -> None:
         """Sets the controls to the chosen take, without edits."""
@@ -320,21 +321,21 @@ class TakesTab:
 
     async def _choose(self, event: Any) -> None:
         name = str(self.choice.value)
-        if event.client_id is None or name == _NONE:
+        if event.client_id is None or name == _NO_TAKE:
             return
-        if not self._live.later(event.client_id, lambda: self._chosen(name)):
+        if not self._live.enqueue(event.client_id, lambda: self._choose_take(name)):
             self._show_name(name)
 
-    def _chosen(self, name: str) -> None:
+    def _choose_take(self, name: str) -> None:
         try:
             self._live.stage.takes.choose(name)
         finally:
             self._show_name(name)
 
-    def _show_name(self, listed: str) -> None:
+    def _show_name(self, shown_name: str) -> None:
         """Corrects the list if it shows another take than the chosen one."""
         chosen = self._live.stage.takes.chosen or self._shown[0]
-        if chosen != listed:
+        if chosen != shown_name:
             self.choice.value = chosen
 
     async def _edit(self, event: Any) -> None:
@@ -345,21 +346,21 @@ class TakesTab:
         if end >= self._part.max and takes.take is not None:
             end = takes.take.duration  # the slider rounds
         edits = Edits(start, end, self._smooth.value, self.stretch.value)
-        if not self._live.later(event.client_id, lambda: setattr(takes, "edits", edits)):
+        if not self._live.enqueue(event.client_id, lambda: setattr(takes, "edits", edits)):
             current, longest = takes.edits, self._part.max
             self._part.value = min(current.start, longest), min(current.end, longest)
             self._smooth.value, self.stretch.value = current.smooth, current.stretch
 
-    async def _loop(self, event: Any) -> None:
+    async def _handle_loop(self, event: Any) -> None:
         loop = self.repeat.value
-        if event.client_id is not None and not self._live.later(event.client_id, lambda: None):
+        if event.client_id is not None and not self._live.enqueue(event.client_id, lambda: None):
             self.repeat.value = not loop
 
     async def _save(self, event: Any) -> None:
         takes = self._live.stage.takes
-        film = event.target.value == "Film"
-        action = (lambda: takes.film(self._theme)) if film else takes.keep
-        self._live.later(event.client_id, action)
+        is_film = event.target.value == "Film"
+        action = (lambda: takes.film(self._theme)) if is_film else takes.save_as_new
+        self._live.enqueue(event.client_id, action)
 
     def _play_take(self) -> None:
         self._live.stage.play_take(self.repeat.value)
@@ -367,18 +368,18 @@ class TakesTab:
     def _overdub(self) -> None:
         self._live.stage.overdub()
 
-    def _make(self) -> None:
+    def _make_gesture(self) -> None:
         stage = self._live.stage
-        stage.gesture_player.add(stage.takes.gesture(self.name_field.value.strip()))
+        stage.gesture_player.add(stage.takes.make_gesture(self.name_field.value.strip()))
         self.name_field.value = ""
 
-    def _arms(self, lane: str, box: Any) -> Callable[[Any], Any]:
+    def _arm_handler(self, lane: str, box: Any) -> Callable[[Any], Any]:
         async def arm(event: Any) -> None:
             if event.client_id is None:
                 return
             armed = self._live.stage.armed
             change = partial(armed.add if box.value else armed.discard, lane)
-            if not self._live.later(event.client_id, change):
+            if not self._live.enqueue(event.client_id, change):
                 box.value = lane in armed
 
         return arm

@@ -7,7 +7,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from fantoccini.app.live.perform_tabs import StageActions
-from fantoccini.output.html import element, lines, to_html
+from fantoccini.output.html import element, line_elements, to_html
 from fantoccini.theatre.perform import LivePlay
 from fantoccini.theatre.plays import CueOfPlay
 
@@ -22,8 +22,8 @@ class PlayTab:
     """Acts, cues and their state, GO and the other buttons of a live play.
 
     Args:
-        live, gui, tab, command: see :class:`fantoccini.app.live.perform_tabs.GesturesTab`.
-        show: the live play.
+        live, gui, tab, add_key: see :class:`fantoccini.app.live.perform_tabs.GesturesTab`.
+        live_play: the live play.
     """
 
     def __init__(
@@ -31,10 +31,10 @@ class PlayTab:
         live: StageActions,
         gui: viser.GuiApi,
         tab: Any,
-        command: Callable[[str, str, Callable[[], None]], Any],
-        show: LivePlay,
+        add_key: Callable[[str, str, Callable[[], None]], Any],
+        live_play: LivePlay,
     ):
-        self._live, self._show = live, show
+        self._live, self._live_play = live, live_play
         buttons: tuple[tuple[str, str, str, str, str, Callable[[], None]], ...] = (
             (
                 "GO (Space)",
@@ -42,23 +42,23 @@ class PlayTab:
                 "player-skip-forward",
                 "green",
                 "Begins the play, or the next cue",
-                show.go,
+                live_play.go,
             ),
             ("Hold (Y)", "Y", "player-pause", "gray", "Hold or continue", self._hold),
-            ("Skip (K)", "K", "player-track-next", "gray", "Go to the next cue", show.skip),
-            ("Repeat (J)", "J", "reload", "gray", "Repeat the current cue", show.repeat),
-            ("All stop (I)", "I", "hand-stop", "red", "Stop all hands at once", show.panic),
+            ("Skip (K)", "K", "player-track-next", "gray", "Go to the next cue", live_play.skip),
+            ("Repeat (J)", "J", "reload", "gray", "Repeat the current cue", live_play.repeat),
+            ("All stop (I)", "I", "hand-stop", "red", "Stop all hands at once", live_play.panic),
         )
         self._labels: dict[str, Any] = {}
         with tab:
-            self._about = gui.add_html("")
-            for label, key, icon, colour, hint, do in buttons:
+            self._status = gui.add_html("")
+            for label, key, icon, colour, hint, action in buttons:
                 button = gui.add_button(label, icon=icon, color=colour, hint=hint)
-                button.on_click(partial(self._queue, do))
-                command(f"Play: {hint}", key, partial(self._run_action, do))
+                button.on_click(partial(self._queue, action))
+                add_key(f"Play: {hint}", key, partial(self._run_action, action))
                 self._labels[label] = button
             self._players = {}
-            for player in show.play.cast.players:
+            for player in live_play.play.cast.players:
                 button = gui.add_button(
                     f"Take {player}",
                     icon="hand-grab",
@@ -67,89 +67,89 @@ class PlayTab:
                 )
                 button.on_click(partial(self._queue, partial(self._take, player)))
                 self._players[player] = button
-            names = {_listed(cue): cue.number for cue in show.play.cues if not cue.refused}
+            names = {_cue_label(cue): cue.number for cue in live_play.play.cues if not cue.refused}
             if names:
-                which = gui.add_dropdown("Cue", tuple(names))
+                cue_choice = gui.add_dropdown("Cue", tuple(names))
                 start = gui.add_button("Start this cue", icon="player-play", color="gray")
                 start.on_click(
-                    lambda e: self._queue(lambda: show.start(names[str(which.value)]), e)
+                    lambda e: self._queue(lambda: live_play.start(names[str(cue_choice.value)]), e)
                 )
             self._list = gui.add_html("")
 
     def update(self) -> None:
         """Shows the current place in the play."""
-        show = self._show
-        about = _about(show, self._live.stage.messages)
-        for part, content in ((self._about, about), (self._list, _cues(show))):
-            if part.content != content:
-                part.content = content
+        live_play = self._live_play
+        status = _status_html(live_play, self._live.stage.messages)
+        for widget, content in ((self._status, status), (self._list, _cues_html(live_play))):
+            if widget.content != content:
+                widget.content = content
         hold = self._labels["Hold (Y)"]
-        label = "Go on (Y)" if show.is_held else "Hold (Y)"
+        label = "Go on (Y)" if live_play.is_held else "Hold (Y)"
         if hold.label != label:
-            hold.label, hold.icon = label, "player-play" if show.is_held else "player-pause"
+            hold.label, hold.icon = label, "player-play" if live_play.is_held else "player-pause"
         for player, button in self._players.items():
-            label = f"Give {player} back" if player in show.taken else f"Take {player}"
+            label = f"Give {player} back" if player in live_play.taken else f"Take {player}"
             if button.label != label:
                 button.label = label
 
     # -- inside ------------------------------------------------------------------------------
 
-    def _queue(self, do: Callable[[], None], event: Any) -> None:
-        self._live.later(event.client_id, partial(self._run_action, do))
+    def _queue(self, action: Callable[[], None], event: Any) -> None:
+        self._live.enqueue(event.client_id, partial(self._run_action, action))
 
-    def _run_action(self, do: Callable[[], None]) -> None:
-        do()
+    def _run_action(self, action: Callable[[], None]) -> None:
+        action()
         self._live.stage.sounds.changed()
 
     def _hold(self) -> None:
-        (self._show.resume if self._show.is_held else self._show.hold)()
+        (self._live_play.resume if self._live_play.is_held else self._live_play.hold)()
 
     def _take(self, player: str) -> None:
-        (self._show.give if player in self._show.taken else self._show.take)(player)
+        (self._live_play.give if player in self._live_play.taken else self._live_play.take)(player)
 
 
-def _listed(cue: CueOfPlay) -> str:
+def _cue_label(cue: CueOfPlay) -> str:
     return f"{cue.number} {cue.description}"[:_MAX_CUE_TEXT]
 
 
-def _about(show: LivePlay, messages: str) -> str:
+def _status_html(live_play: LivePlay, messages: str) -> str:
     """Time, act, state, next cue and captions, as HTML."""
-    t, play = show.t, show.play
-    act = [name for name, start in play.acts.items() if start <= t]
-    where = f"{act[-1]}, " if act else ""
+    t, play = live_play.t, live_play.play
+    begun_acts = [name for name, start in play.acts.items() if start <= t]
+    act_text = f"{begun_acts[-1]}, " if begun_acts else ""
     state = ""
-    if show.voice is None:
+    if live_play.voice is None:
         state = "; stands by for GO"
-    elif show.done:
+    elif live_play.done:
         state = "; is over"
-    elif show.is_held:
+    elif live_play.is_held:
         state = "; is held"
-    elif show.waiting is not None:
+    elif live_play.waiting is not None:
         state = "; waits for GO"
-    cue, status_lines = show.standing_by, list[str]()
+    cue, status_lines = live_play.standing_by, list[str]()
     if cue is not None:
-        released = ", GO is given" if show.released else ""
-        status_lines.append(f"GO begins {cue.number} {cue.description}{released}")
-    status_lines += [line for line in (show.message, messages) if line]
-    rows = [element("div", f"{where}{t:.1f} s of {play.duration:.1f} s{state}")]
+        go_text = ", GO is given" if live_play.released else ""
+        status_lines.append(f"GO begins {cue.number} {cue.description}{go_text}")
+    status_lines += [line for line in (live_play.message, messages) if line]
+    rows = [element("div", f"{act_text}{t:.1f} s of {play.duration:.1f} s{state}")]
     rows += [element("div", line, style="opacity:0.75") for line in status_lines]
-    captions = lines(map(str, play.score.captions_at(t)))
+    captions = line_elements(map(str, play.score.captions_at(t)))
     rows.append(element("div", *captions, style="min-height:1.4em;font-size:1.25em"))
     return to_html(element("div", *rows, style="padding:0 0.5em;font-size:0.85em;line-height:1.45"))
 
 
-def _cues(show: LivePlay) -> str:
+def _cues_html(live_play: LivePlay) -> str:
     """All acts and cues with their times, as HTML."""
-    current, next_cue = {cue.number for cue in show.playing_cues}, show.standing_by
+    current, next_cue = {cue.number for cue in live_play.playing_cues}, live_play.standing_by
     rows, act = [], ""
-    for cue in show.play.cues:
+    for cue in live_play.play.cues:
         if cue.act != act:
             act = cue.act
-            start = show.play.acts.get(act, 0.0)
-            head = element("b", act), f" {start:.1f} s"
-            rows.append(element("div", *head, style="margin-top:0.5em"))
-        go = " \N{BLACK RIGHT-POINTING TRIANGLE}" if cue.go else ""
-        line = f"{cue.number}{go} {cue.start:.1f} s\N{EN SPACE}{cue.description}"
+            start = live_play.play.acts.get(act, 0.0)
+            heading = element("b", act), f" {start:.1f} s"
+            rows.append(element("div", *heading, style="margin-top:0.5em"))
+        go_sign = " \N{BLACK RIGHT-POINTING TRIANGLE}" if cue.go else ""
+        line = f"{cue.number}{go_sign} {cue.start:.1f} s\N{EN SPACE}{cue.description}"
         if cue.refused:
             reason = element("div", cue.refused, style="padding-left:1.2em")
             rows.append(element("div", element("s", line), reason, style="opacity:0.45"))

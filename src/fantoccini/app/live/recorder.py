@@ -35,21 +35,21 @@ class Recorder:
         self._performance, self._folder, self._on_recording = performance, folder, on_recording
         self._name = ""
         self._writers: list[threading.Thread] = []
-        self._used: set[Path] = set()
-        self._began = 0.0
+        self._used_paths: set[Path] = set()
+        self._start_time = 0.0
         self.running = False
         self.status = ""
 
     @property
     def time(self) -> float:
         """Duration of the current recording [s]."""
-        return self._performance.t - self._began
+        return self._performance.t - self._start_time
 
     def begin(self) -> None:
         """Starts a recording."""
         self._name = self._performance.marionette.name
         self._performance.record()
-        self.running, self._began = True, self._performance.t
+        self.running, self._start_time = True, self._performance.t
 
     def poll(self) -> None:
         """Writes a recording that the performance has ended."""
@@ -58,14 +58,14 @@ class Recorder:
 
     def end(self) -> None:
         """Ends the recording; another thread writes it."""
-        ended = self._stop()
-        if ended is None:
+        stopped_recording = self._stop()
+        if stopped_recording is None:
             return
-        writer = threading.Thread(target=self._write, args=ended, name="write")
+        writer = threading.Thread(target=self._write, args=stopped_recording, name="write")
         try:
             writer.start()
         except RuntimeError:  # Python shuts down and starts no more threads
-            self._write(*ended)
+            self._write(*stopped_recording)
         else:
             self._writers.append(writer)
 
@@ -86,27 +86,27 @@ class Recorder:
         except FantocciniError as error:
             self.status = str(error)
             return None
-        path = free_path(self._folder, self._name, datetime.now(), self._used)
-        self._used.add(path)
+        path = recording_path(self._folder, self._name, datetime.now(), self._used_paths)
+        self._used_paths.add(path)
         self.status = f"writing {path.name}"
         self._on_recording(recording, path)
         return recording, path
 
     def _write(self, recording: Recording, path: Path) -> None:
         """Writes a recording to its path or, if that fails, to the folder of temporary files."""
-        failed = ""
-        for place in (path, Path(tempfile.gettempdir()) / path.name):
+        failure_text = ""
+        for target in (path, Path(tempfile.gettempdir()) / path.name):
             try:
-                recording.save(place)
+                recording.save(target)
             except Exception as error:  # otherwise nothing would report it
                 reason = str(getattr(error, "strerror", None) or error)
-                lead = f"{place} cannot be written"
-                failed += (reason if reason.startswith(lead) else f"{lead}: {reason}") + "; "
+                lead = f"{target} cannot be written"
+                failure_text += (reason if reason.startswith(lead) else f"{lead}: {reason}") + "; "
                 continue
             ending = f"; {recording.end_reason}" if recording.end_reason else ""
-            self.status = f"{failed}wrote {place} ({recording.duration:.1f} s{ending})"
+            self.status = f"{failure_text}wrote {target} ({recording.duration:.1f} s{ending})"
             return
-        self.status = f"{failed}the recording is lost"
+        self.status = f"{failure_text}the recording is lost"
 
 
 _TAKE_NAME = re.compile(r".*-\d{8}-\d{6}(-\d+)?(-edited(-\d+)?)?", re.ASCII)
@@ -133,7 +133,9 @@ def unused_path(folder: Path, stem: str, ending: str, used: Collection[Path] = f
     return path
 
 
-def free_path(folder: Path, name: str, now: datetime, used: Collection[Path] = frozenset()) -> Path:
+def recording_path(
+    folder: Path, name: str, now: datetime, used: Collection[Path] = frozenset()
+) -> Path:
     """Unused path of a recording: ``NAME-YYYYmmdd-HHMMSS.npz`` in the folder.
 
     Args:
@@ -142,5 +144,5 @@ def free_path(folder: Path, name: str, now: datetime, used: Collection[Path] = f
         now: date and time.
         used: paths that are about to be written.
     """
-    plain = re.sub(r"[^A-Za-z0-9_-]", "_", name)[:64] or "puppet"
-    return unused_path(folder, f"{plain}-{now:%Y%m%d-%H%M%S}", ".npz", used)
+    safe_name = re.sub(r"[^A-Za-z0-9_-]", "_", name)[:64] or "puppet"
+    return unused_path(folder, f"{safe_name}-{now:%Y%m%d-%H%M%S}", ".npz", used)

@@ -121,7 +121,7 @@ _TIMING = _Timing()
 
 
 @dataclass(frozen=True)
-class Clip:
+class SoundClip:
     """A sound of a score.
 
     Attributes:
@@ -163,10 +163,10 @@ class Sounds:
 
     def __init__(self, get_state: Callable[[], SoundState]):
         self._get_state = get_state
-        self._clips: tuple[tuple[Clip, bytes], ...] = ()
+        self._clips: tuple[tuple[SoundClip, bytes], ...] = ()
         self.version = 0
 
-    def load(self, clips: Sequence[Clip]) -> None:
+    def load(self, clips: Sequence[SoundClip]) -> None:
         """Loads the sounds of a score for all viewers.
 
         Raises:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from fantoccini.app.live.gesture_player import GesturePlayer
 from fantoccini.app.live.recorder import Recorder
-from fantoccini.app.live.sound import SILENCE, Clip, Sounds, SoundState
+from fantoccini.app.live.sound import SILENCE, SoundClip, Sounds, SoundState
 from fantoccini.app.live.takes import Takes
 from fantoccini.app.live.watched_file import WatchedFile
 from fantoccini.app.live.worker import Worker
@@ -29,17 +29,17 @@ class Stage:
         worker: thread that writes files and films.
         sounds: sounds of the page.
         score: score that is played, or None.
-        show: play that is performed, or None; its score is then played.
+        live_play: play that is performed, or None; its score is then played.
         osc: OSC connection of the play, or None.
         armed: lanes that a take or a score leaves to the hands.
-        factor: speed of the page's time, 0 while it stands still.
+        time_factor: speed of the page's time, 0 while it stands still.
 
     Args:
         performance: see above.
         folder: folder for recordings, gestures and films.
         file: the puppet's file, with gestures beside it; or None.
         score: file of a score, or None.
-        show: play to perform, or None.
+        live_play: play to perform, or None.
 
     Raises:
         FileError: the score has mistakes.
@@ -51,33 +51,33 @@ class Stage:
         folder: Path,
         file: Path | None = None,
         score: Path | None = None,
-        show: LivePlay | None = None,
+        live_play: LivePlay | None = None,
     ):
-        self.performance, self._score_file, self.show = performance, score, show
-        beside = () if file is None else (file.absolute().parent,)
-        self.gesture_player = GesturePlayer(performance, (*beside, folder))
+        self.performance, self._score_file, self.live_play = performance, score, live_play
+        file_folders = () if file is None else (file.absolute().parent,)
+        self.gesture_player = GesturePlayer(performance, (*file_folders, folder))
         self.worker = Worker()
         self.takes = Takes(performance, folder, self.worker)
         self.recorder = Recorder(performance, folder, self._add_take)
         self.sounds = Sounds(self._sound_state)
         self.osc: Osc | None = None
         self.armed: set[str] = set()
-        self.factor = 1.0
-        self._overdubs = False
-        self._frame = time.perf_counter()
+        self.time_factor = 1.0
+        self._overdubbing = False
+        self._frame_time = time.perf_counter()
         self._on_take: list[Callable[[], None]] = []
         self.score: Score | None = None
         self._score_marionette = performance.marionette
         self._watched: WatchedFile[Score] | None = None
         if score is not None:
-            self._watched = WatchedFile(score, self._read)
-            self._take_score(self._read(score))
-        elif show is not None:
-            self._take_score(show.play.score)
+            self._watched = WatchedFile(score, self._read_score)
+            self._adopt_score(self._read_score(score))
+        elif live_play is not None:
+            self._adopt_score(live_play.play.score)
 
-    def on_take(self, do: Callable[[], None]) -> None:
+    def on_take(self, callback: Callable[[], None]) -> None:
         """Registers a callback for new takes."""
-        self._on_take.append(do)
+        self._on_take.append(callback)
 
     def replace(self, marionette: Marionette) -> tuple[str, ...]:
         """Continues with a changed puppet, and with its score at the same time.
@@ -88,24 +88,24 @@ class Stage:
         Raises:
             FantocciniError: the puppet cannot be performed; then nothing changes.
         """
-        playing = self.performance.score
-        lost = self.performance.replace(marionette)
-        return lost + self._reload(playing)
+        voice = self.performance.score
+        losses = self.performance.replace(marionette)
+        return losses + self._reload(voice)
 
-    def _reload(self, playing: ScoreVoice | None) -> tuple[str, ...]:
+    def _reload(self, voice: ScoreVoice | None) -> tuple[str, ...]:
         """Loads gestures and score for a changed puppet; returns messages about losses."""
         self.gesture_player.load()
         self.armed &= set(self.performance.lanes)
         if self._score_file is None:
             return ()
         try:
-            self._take_score(load_score(self.performance.marionette, self._score_file))
+            self._adopt_score(load_score(self.performance.marionette, self._score_file))
         except FantocciniError as error:
             self.score = None
             self.performance.stop_score()
             return (str(error),)
-        ended = playing is not None and self.performance.score is None
-        self._resume_score(playing)
+        ended = voice is not None and self.performance.score is None
+        self._resume_score(voice)
         return ("the score continues where it was",) if ended else ()
 
     def poll(self, now: float) -> tuple[str, ...] | None:
@@ -114,22 +114,22 @@ class Stage:
         Returns:
             The mistakes of a changed file, once; otherwise None.
         """
-        reload = None if self._watched is None else self._watched.poll(now)
-        if reload is None or self._watched is None:
+        reloaded = None if self._watched is None else self._watched.poll(now)
+        if reloaded is None or self._watched is None:
             return None
         if self._score_marionette is not self.performance.marionette:
             self._watched.force_reload()  # the puppet has changed meanwhile
             return None
-        if reload.content is not None:
-            self._take_score(reload.content)
+        if reloaded.content is not None:
+            self._adopt_score(reloaded.content)
             self._resume_score(self.performance.score)
-        return reload.mistakes
+        return reloaded.mistakes
 
-    def frame(self) -> None:
+    def mark_frame(self) -> None:
         """Reports that a frame has been drawn, at the performance's current time."""
-        self._frame = time.perf_counter()
-        if self._overdubs and self.performance.take_time is None:
-            self._overdubs = False
+        self._frame_time = time.perf_counter()
+        if self._overdubbing and self.performance.take_time is None:
+            self._overdubbing = False
             self.recorder.end()
 
     def finish(self) -> None:
@@ -148,7 +148,7 @@ class Stage:
 
     def record(self) -> None:
         """Starts a recording, or ends and writes it."""
-        self._overdubs = False
+        self._overdubbing = False
         if self.recorder.running:
             self.recorder.end()
         else:
@@ -167,26 +167,26 @@ class Stage:
             self.recorder.end()
         self.takes.play(armed=self.armed)
         self.recorder.begin()
-        self._overdubs = True
+        self._overdubbing = True
 
     def _add_take(self, take: Recording, path: Path) -> None:
         self.takes.add(take, path)
-        for do in self._on_take:
-            do()
+        for callback in self._on_take:
+            callback()
 
     # -- the score ---------------------------------------------------------------------------
 
     def play_score(self) -> None:
         """Plays the score from its current time, or pauses it."""
         self._score_or_error()
-        playing = self.performance.score
-        if playing is None:
+        voice = self.performance.score
+        if voice is None:
             self._begin()
-        elif playing.conductor.done:
-            playing.seek(0.0)
-            playing.running = True
+        elif voice.conductor.done:
+            voice.seek(0.0)
+            voice.running = True
         else:
-            playing.running = not playing.running
+            voice.running = not voice.running
         self.sounds.changed()
 
     def stop_score(self) -> None:
@@ -197,50 +197,50 @@ class Stage:
     def go(self) -> None:
         """GO: ends a wait of the score, or begins the score if it is not playing."""
         self._score_or_error()
-        playing = self.performance.score
-        if self.show is not None:
-            self.show.go()
-        elif playing is None or playing.conductor.done:
-            playing = playing or self._begin()
-            playing.seek(0.0)
-            playing.running = True
-            wait = playing.conductor.upcoming
-            if wait is not None and wait.t <= playing.t:
-                playing.conductor.go()
-        elif not playing.running:
-            playing.running = True
+        voice = self.performance.score
+        if self.live_play is not None:
+            self.live_play.go()
+        elif voice is None or voice.conductor.done:
+            voice = voice or self._begin()
+            voice.seek(0.0)
+            voice.running = True
+            wait = voice.conductor.upcoming
+            if wait is not None and wait.t <= voice.t:
+                voice.conductor.go()
+        elif not voice.running:
+            voice.running = True
         else:
-            playing.conductor.go()
+            voice.conductor.go()
         self.sounds.changed()
 
-    def seek(self, to: float | str) -> None:
+    def seek(self, target: float | str) -> None:
         """Goes to a time of the score [s], a mark or a wait, and waits there if not playing."""
         self._score_or_error()
-        playing = self.performance.score or self._begin(running=False)
-        playing.seek(to)
+        voice = self.performance.score or self._begin(running=False)
+        voice.seek(target)
         self.sounds.changed()
 
     def _begin(self, running: bool = True) -> ScoreVoice:
-        playing = self.performance.play_score(self._score_or_error(), armed=self.armed)
-        playing.running = running
-        return playing
+        voice = self.performance.play_score(self._score_or_error(), armed=self.armed)
+        voice.running = running
+        return voice
 
-    def _resume_score(self, playing: ScoreVoice | None) -> None:
+    def _resume_score(self, voice: ScoreVoice | None) -> None:
         """Continues a score that has been read again at the same time."""
-        if playing is not None:
-            self._begin(playing.running).seek(min(playing.t, self._score_or_error().duration))
+        if voice is not None:
+            self._begin(voice.running).seek(min(voice.t, self._score_or_error().duration))
 
     def _score_or_error(self) -> Score:
         if self.score is None:
             raise StateError("there is no score: fantoccini show PUPPET --score FILE")
         return self.score
 
-    def _read(self, path: Path) -> Score:
+    def _read_score(self, path: Path) -> Score:
         self._score_marionette = self.performance.marionette
         return load_score(self._score_marionette, path)
 
-    def _take_score(self, score: Score) -> None:
-        clips = [Clip(sound.path, sound.start, sound.gain) for sound in score.sounds]
+    def _adopt_score(self, score: Score) -> None:
+        clips = [SoundClip(sound.path, sound.start, sound.gain) for sound in score.sounds]
         try:
             self.sounds.load(clips)
         except OSError as error:
@@ -253,19 +253,19 @@ class Stage:
 
     def _sound_state(self) -> SoundState:
         """State of the sounds now; the performance has advanced since the last frame."""
-        factor = self.factor
-        if not factor:
+        time_factor = self.time_factor
+        if not time_factor:
             return SILENCE
-        ahead = (time.perf_counter() - self._frame) * factor
-        beat, tempo, t = None, self.gesture_player.tempo, self.performance.t + ahead
+        elapsed = (time.perf_counter() - self._frame_time) * time_factor
+        beat, tempo, t = None, self.gesture_player.tempo, self.performance.t + elapsed
         if self.gesture_player.metronome:
             next_beat = tempo.next_beat_time(t)
             beat = (
-                (next_beat - t) / factor,
-                tempo.beat / factor,
+                (next_beat - t) / time_factor,
+                tempo.beat / time_factor,
                 round(tempo.beat_number(next_beat)),
             )
-        playing = self.performance.score
-        if playing is None or playing.is_still or factor != 1.0:
+        voice = self.performance.score
+        if voice is None or voice.is_still or time_factor != 1.0:
             return SoundState(beat, None)
-        return SoundState(beat, playing.t + ahead)
+        return SoundState(beat, voice.t + elapsed)

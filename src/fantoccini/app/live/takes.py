@@ -52,10 +52,10 @@ class Takes:
 
     def __init__(self, performance: Performance, folder: Path, worker: Worker):
         self._performance, self._folder, self._worker = performance, folder, worker
-        self._read: dict[str, Recording] = {}
-        self._names = _takes_in(folder)
-        self._edited: tuple[str, Edits, Recording] | None = None
-        self._used: set[Path] = set()
+        self._recordings: dict[str, Recording] = {}
+        self._names = _recording_names(folder)
+        self._edited_cache: tuple[str, Edits, Recording] | None = None
+        self._used_paths: set[Path] = set()
         self.chosen, self.edits = "", Edits(0.0, 0.0)
 
     @property
@@ -65,7 +65,7 @@ class Takes:
 
     def add(self, take: Recording, path: Path) -> None:
         """Adds a new take and chooses it."""
-        self._read[path.stem] = take
+        self._recordings[path.stem] = take
         self._names.insert(0, path.stem)
         self._choose(path.stem, take)
 
@@ -77,17 +77,17 @@ class Takes:
         """
         if name not in self._names:
             raise StateError(f"there is no take {name!r}")
-        if name not in self._read:
-            self._read[name] = Recording.load(self._folder / f"{name}.npz")
-        take, table = self._read[name], self._performance.marionette.coordinates
-        if take.marionette.coordinates.q_K != table.q_K:
+        if name not in self._recordings:
+            self._recordings[name] = Recording.load(self._folder / f"{name}.npz")
+        take, coordinates = self._recordings[name], self._performance.marionette.coordinates
+        if take.marionette.coordinates.q_K != coordinates.q_K:
             raise StateError(f"{name} is a take of {take.marionette.name}, with other hands")
         self._choose(name, take)
 
     @property
     def take(self) -> Recording | None:
         """The chosen take, without edits."""
-        return self._read.get(self.chosen)
+        return self._recordings.get(self.chosen)
 
     def edited(self) -> Recording:
         """The chosen take, edited.
@@ -98,13 +98,13 @@ class Takes:
         take, edits = self.take, self.edits
         if take is None:
             raise StateError("there is no take yet; record one first")
-        if self._edited is not None and self._edited[:2] == (self.chosen, edits):
-            return self._edited[2]
+        if self._edited_cache is not None and self._edited_cache[:2] == (self.chosen, edits):
+            return self._edited_cache[2]
         try:
-            edited_take = _edited(take, edits)
+            edited_take = _apply_edits(take, edits)
         except ValueError as error:
             raise StateError(str(error)) from None
-        self._edited = self.chosen, edits, edited_take
+        self._edited_cache = self.chosen, edits, edited_take
         return edited_take
 
     def play(self, *, armed: Collection[str] = (), repeat: bool = False) -> None:
@@ -121,17 +121,17 @@ class Takes:
 
     # -- files -------------------------------------------------------------------------------
 
-    def keep(self) -> None:
+    def save_as_new(self) -> None:
         """Writes the edited take as a new take, and chooses it."""
         take = self.edited()
-        path = self._unused(f"{self.chosen}-edited", ".npz")
+        path = self._unused_path(f"{self.chosen}-edited", ".npz")
         self._save(take, path)
         self.add(take, path)
 
     def film(self, theme: str) -> None:
         """Makes a film of the edited take."""
-        take, path = self.edited(), self._unused(self.chosen, ".mp4")
-        what = f"filming {path.name}"
+        take, path = self.edited(), self._unused_path(self.chosen, ".mp4")
+        description = f"filming {path.name}"
 
         def job() -> str:
             from fantoccini.output.view import film
@@ -142,13 +142,13 @@ class Takes:
                 run,
                 path,
                 theme=theme,
-                progress=lambda at: self._worker.progress(what, at.share),
+                progress=lambda progress: self._worker.report_progress(description, progress.share),
             )
             return f"wrote {path} ({run.duration:.1f} s)"
 
-        self._worker.do(what, job)
+        self._worker.submit(description, job)
 
-    def gesture(self, name: str) -> Gesture:
+    def make_gesture(self, name: str) -> Gesture:
         """Converts the edited take to a gesture, and writes it as ``NAME.npz``.
 
         Raises:
@@ -159,22 +159,22 @@ class Takes:
                 f"{name!r} is not a valid name; allowed: a letter, then letters, digits, _ and -"
             )
         path = self._folder / f"{name}.npz"
-        if name in gesture_names() or path.exists() or path in self._used:
+        if name in gesture_names() or path.exists() or path in self._used_paths:
             raise StateError(f"there is a gesture or a file {name} already; choose another name")
         take = self.edited()
         gesture = gesture_from_take(take.inputs, name)
-        self._used.add(path)
+        self._used_paths.add(path)
         self._save(take, path)
         return gesture
 
     # -- inside ------------------------------------------------------------------------------
 
     def _choose(self, name: str, take: Recording) -> None:
-        self.chosen, self.edits, self._edited = name, Edits(0.0, take.duration), None
+        self.chosen, self.edits, self._edited_cache = name, Edits(0.0, take.duration), None
 
-    def _unused(self, stem: str, ending: str) -> Path:
-        path = unused_path(self._folder, stem, ending, self._used)
-        self._used.add(path)
+    def _unused_path(self, stem: str, ending: str) -> Path:
+        path = unused_path(self._folder, stem, ending, self._used_paths)
+        self._used_paths.add(path)
         return path
 
     def _save(self, take: Recording, path: Path) -> None:
@@ -182,10 +182,10 @@ class Takes:
             take.save(path)
             return f"wrote {path} ({take.duration:.1f} s)"
 
-        self._worker.do(f"writing {path.name}", job)
+        self._worker.submit(f"writing {path.name}", job)
 
 
-def _edited(take: Recording, edits: Edits) -> Recording:
+def _apply_edits(take: Recording, edits: Edits) -> Recording:
     end = min(edits.end, take.duration)
     if edits.start > 0.0 or end < take.duration - 0.5 * take.tick:
         end = max(end, min(_MIN_PART, take.duration))
@@ -195,14 +195,14 @@ def _edited(take: Recording, edits: Edits) -> Recording:
     return take if edits.stretch == 1.0 else take.stretched(edits.stretch)
 
 
-def _takes_in(folder: Path) -> list[str]:
+def _recording_names(folder: Path) -> list[str]:
     """Names of the recordings in a folder, newest first."""
     files = [(path.stat().st_mtime, path) for path in folder.glob("*.npz") if path.is_file()]
     newest = [path for _, path in sorted(files, reverse=True)[:_MAX_FILES]]
-    return [path.stem for path in newest if _form(path) in RECORDING_FORMATS]
+    return [path.stem for path in newest if _file_format(path) in RECORDING_FORMATS]
 
 
-def _form(path: Path) -> str:
+def _file_format(path: Path) -> str:
     try:
         return str(npz.about_of(npz.read(path, only=npz.ABOUT))["format"])
     except npz.UNREADABLE:

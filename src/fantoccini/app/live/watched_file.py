@@ -13,7 +13,7 @@ from fantoccini.dynamics.marionette import Marionette, load
 
 Content = TypeVar("Content")
 
-INTERVAL = 0.3
+CHECK_INTERVAL = 0.3
 """Interval of checks of the file [s]."""
 
 
@@ -64,7 +64,7 @@ class WatchedFile(Generic[Content]):
             return result
         if now < self._next_check:
             return None
-        self._next_check = now + INTERVAL
+        self._next_check = now + CHECK_INTERVAL
         stamp = self._read_stamp()
         if stamp is None or stamp == self._stamp:
             return None
@@ -89,7 +89,7 @@ class WatchedFile(Generic[Content]):
     def _read_stamp(self) -> tuple[int, int, int] | None:
         """Time, size and inode of the file, which show changes; None if there is no file."""
         try:
-            info = self._path.stat()
+            status = self._path.stat()
         except OSError:
             return None
-        return info.st_mtime_ns, info.st_size, info.st_ino
+        return status.st_mtime_ns, status.st_size, status.st_ino

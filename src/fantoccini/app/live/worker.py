@@ -27,19 +27,19 @@ class Worker:
         self._thread: threading.Thread | None = None
         self._end = threading.Event()
 
-    def do(self, what: str, job: Callable[[], str]) -> None:
+    def submit(self, description: str, job: Callable[[], str]) -> None:
         """Queues a job.
 
         Args:
-            what: description of the job, such as ``writing a.mp4``.
+            description: description of the job, such as ``writing a.mp4``.
             job: function that runs it and returns a message about the result.
         """
-        self._jobs.put((what, job))
+        self._jobs.put((description, job))
         if self._thread is None:
             self._thread = threading.Thread(target=self._run, name="work", daemon=True)
             self._thread.start()
 
-    def progress(self, what: str, share: float) -> None:
+    def report_progress(self, description: str, share: float) -> None:
         """Reports the completed share of the running job, 0 to 1.
 
         Raises:
@@ -47,7 +47,7 @@ class Worker:
         """
         if self._end.is_set():
             raise Stopped
-        self.status = f"{what}, {100.0 * share:.0f} %"
+        self.status = f"{description}, {100.0 * share:.0f} %"
 
     def finish(self) -> None:
         """Waits for jobs that must be completed, and stops the others."""

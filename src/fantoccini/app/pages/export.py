@@ -14,7 +14,7 @@ from fantoccini.app.pages.nodes import SceneNodes
 from fantoccini.app.pages.plan_tree import PlanTree
 from fantoccini.app.pages.replay import ResampledRun
 from fantoccini.app.pages.scene_state import scene_at_sample
-from fantoccini.app.pages.server import Server, in_head, policy, with_title
+from fantoccini.app.pages.server import Server, insert_in_head, security_policy, with_title
 from fantoccini.base import OnProgress, Progress, replacing
 from fantoccini.output.html import element, to_html
 from fantoccini.output.view import Theme, to_hex
@@ -80,11 +80,11 @@ def write_html(
         ValueError: forces were requested for a run without contacts.
     """
     path = Path(path)
-    motion = ResampledRun.of(marionette, run, REFRESH.rate, forces)
+    motion = ResampledRun.from_run(marionette, run, REFRESH.rate, forces)
     # viser records the messages of a server, so it needs one, although nothing connects.
     server = Server(motion.geometry.title, theme, port=0)
     try:
-        page = _recorded(server, motion, theme, tree, progress, forces)
+        page = _record_page(server, motion, theme, tree, progress, forces)
     finally:
         server.stop()
     with replacing(path) as temporary:
@@ -92,7 +92,7 @@ def write_html(
     return path
 
 
-def _recorded(
+def _record_page(
     server: Server,
     motion: ResampledRun,
     theme: Theme,
@@ -100,7 +100,7 @@ def _recorded(
     progress: OnProgress | None,
     forces: bool,
 ) -> str:
-    geometry, frames = motion.geometry, len(motion.geometry.t)
+    geometry, n_frames = motion.geometry, len(motion.geometry.t)
     nodes = SceneNodes(server.viser, geometry, theme, rounding_step=_ROUNDING_STEP * geometry.size)
     if tree is not None:
         tree.add_to(server.viser, theme, geometry.size)
@@ -108,20 +108,20 @@ def _recorded(
     nodes.show_forces(forces)
     nodes.show(scene_at_sample(geometry, 0))
     recorder = server.viser.get_scene_serializer()
-    for k in range(frames):
+    for k in range(n_frames):
         nodes.show(scene_at_sample(geometry, k))
-        if k < frames - 1:
+        if k < n_frames - 1:
             recorder.insert_sleep(float(geometry.t[k + 1] - geometry.t[k]))
         if progress is not None:
-            progress(Progress(done=k + 1, total=frames))
+            progress(Progress(done=k + 1, total=n_frames))
     return recorder.as_html(dark_mode=theme.name == "dark")
 
 
 def _with_caption(page: str, motion: ResampledRun, theme: Theme) -> str:
     """The page with a title, a caption with readings, and without access to a network."""
-    meta = element("meta", http_equiv="Content-Security-Policy", content=policy())
+    meta = element("meta", http_equiv="Content-Security-Policy", content=security_policy())
     page = with_title(page, motion.geometry.title)
-    page = in_head(page, to_html(meta))
+    page = insert_in_head(page, to_html(meta))
     body = page.rindex("</body>")
     return page[:body] + _caption(motion, theme) + page[body:]
 
@@ -129,8 +129,8 @@ def _with_caption(page: str, motion: ResampledRun, theme: Theme) -> str:
 def _caption(motion: ResampledRun, theme: Theme) -> str:
     """Caption in the corner with name, time and tensions, as HTML."""
     geometry, run = motion.geometry, motion.run
-    grid = "display:grid;grid-template-columns:8em 5em 4.2em;gap:0.6em;align-items:center"
-    frame = "background:rgba(128,128,128,0.2);border-radius:3px;height:0.55em"
+    row_style = "display:grid;grid-template-columns:8em 5em 4.2em;gap:0.6em;align-items:center"
+    bar_style = "background:rgba(128,128,128,0.2);border-radius:3px;height:0.55em"
     rows = [
         element(
             "div",
@@ -138,10 +138,10 @@ def _caption(motion: ResampledRun, theme: Theme) -> str:
             element(
                 "span",
                 element("span", style="display:block;height:100%;border-radius:3px"),
-                style=frame,
+                style=bar_style,
             ),
             element("span", style="text-align:right"),
-            style=grid,
+            style=row_style,
         )
         for name in geometry.names
     ]
@@ -158,10 +158,12 @@ def _caption(motion: ResampledRun, theme: Theme) -> str:
     script = _SCRIPT.replace("READINGS", json.dumps(readings, allow_nan=False))
     clock = element("span", id="clock", style="font-weight:400;opacity:0.7")
     title = element("div", f"{geometry.title} ", clock, style="font-size:18px;font-weight:600")
-    table = "margin-top:0.4em;font-variant-numeric:tabular-nums"
-    corner = (
+    table_style = "margin-top:0.4em;font-variant-numeric:tabular-nums"
+    corner_style = (
         "position:fixed;right:1.2em;top:1em;z-index:5;pointer-events:none;"
         f"color:{to_hex(theme.text)};font:13px/1.5 system-ui,sans-serif"
     )
-    caption = element("div", title, element("div", *rows, id="readings", style=table), style=corner)
+    caption = element(
+        "div", title, element("div", *rows, id="readings", style=table_style), style=corner_style
+    )
     return to_html(caption, element("script", script))

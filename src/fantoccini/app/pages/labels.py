@@ -14,30 +14,34 @@ _NAME_HEIGHT, _LETTER_WIDTH = 0.021, 0.0096
 """Height of a name and width of a letter, relative to the puppet's size."""
 
 
-def heights(names: Sequence[str], places: np.ndarray, view: View, size: float) -> np.ndarray:
+def handle_label_heights(
+    names: Sequence[str], positions: np.ndarray, view: View, size: float
+) -> np.ndarray:
     """(n,) heights of names above their handles at which they do not overlap in a view [m].
 
     Args:
         names: names of the handles.
-        places: (n, 3) positions of the handles [m].
+        positions: (n, 3) positions of the handles [m].
         view: point of view.
         size: size of the puppet [m].
     """
     direction = (view.target - view.eye) / np.linalg.norm(view.target - view.eye)
     right = np.cross(direction, [0.0, 0.0, 1.0])
     right /= max(float(np.linalg.norm(right)), 1e-9)
-    picture = np.array([right, np.cross(right, direction)])
-    projected = np.asarray(places, dtype=float).reshape(-1, 3) @ picture.T
+    picture_axes = np.array([right, np.cross(right, direction)])
+    projected = np.asarray(positions, dtype=float).reshape(-1, 3) @ picture_axes.T
     label_heights = np.full(len(names), _MIN_HEIGHT * size)
-    placed: list[tuple[float, float, float]] = []
+    placed_labels: list[tuple[float, float, float]] = []
     name_height = 0.999 * _NAME_HEIGHT * size
     for n in np.argsort(projected[:, 1], kind="stable"):
-        half = 0.5 * _LETTER_WIDTH * size * len(names[n])
+        label_half_width = 0.5 * _LETTER_WIDTH * size * len(names[n])
         while any(
-            abs(x - projected[n, 0]) < half + half_width
+            abs(x - projected[n, 0]) < label_half_width + half_width
             and abs(y - projected[n, 1] - label_heights[n]) < name_height
-            for x, y, half_width in placed
+            for x, y, half_width in placed_labels
         ):
             label_heights[n] += 0.25 * _NAME_HEIGHT * size
-        placed.append((projected[n, 0], projected[n, 1] + label_heights[n], half))
+        placed_labels.append(
+            (projected[n, 0], projected[n, 1] + label_heights[n], label_half_width)
+        )
     return label_heights

@@ -10,7 +10,7 @@ import numpy as np
 from fantoccini.app.pages.forces import Forces
 from fantoccini.app.pages.scene_state import SceneState
 from fantoccini.app.pages.strings import Colours, Strings
-from fantoccini.app.pages.viser_private import move
+from fantoccini.app.pages.viser_private import move_node
 from fantoccini.base import rotation
 from fantoccini.model.tree import WORLD
 from fantoccini.output.view import (
@@ -19,10 +19,10 @@ from fantoccini.output.view import (
     Solid,
     Theme,
     TriangleMesh,
-    coloured,
-    fit,
-    handles,
-    mix,
+    coloured_surfaces,
+    fit_camera,
+    handle_solids,
+    mix_colours,
     point_of_view,
     round_down,
     to_bytes,
@@ -98,7 +98,7 @@ class SceneNodes:
             self._nodes += self._strings.nodes
             self.forces = Forces(server, geometry, theme)
             self._nodes.append(self.forces.node)
-        self._last = np.full((len(geometry.tree.links), 7), np.nan)
+        self._shown_poses = np.full((len(geometry.tree.links), 7), np.nan)
 
     def show(self, scene: SceneState) -> None:
         """Shows a state of the scene, in one bundle of messages."""
@@ -144,7 +144,7 @@ class SceneNodes:
         azimuth, elevation = point_of_view(preset, centres, geometry.plane)
         if isinstance(viewpoint, str) and viewpoint in _ELEVATIONS:
             elevation = np.radians(_ELEVATIONS[viewpoint])
-        camera = fit(centres, radii, azimuth, elevation, aspect, _FIELD_OF_VIEW, margin=0.09)
+        camera = fit_camera(centres, radii, azimuth, elevation, aspect, _FIELD_OF_VIEW, margin=0.09)
         return View(camera.eye, _target(camera, 0.5 * (centres.min(axis=0) + centres.max(axis=0))))
 
     def aim_camera(
@@ -161,8 +161,8 @@ class SceneNodes:
             covered: share of the window's width that the panel covers, at the right.
         """
         aspect = getattr(camera, "aspect", _ASPECT)
-        free = aspect * (1.0 - covered)
-        view = self.view(viewpoint, min(free, _ASPECT) if free > 0.0 else _ASPECT)
+        free_aspect = aspect * (1.0 - covered)
+        view = self.view(viewpoint, min(free_aspect, _ASPECT) if free_aspect > 0.0 else _ASPECT)
         sight = view.target - view.eye
         right = np.cross(sight, [0.0, 0.0, 1.0])  # as long as the sight if that is level
         shift = covered * aspect * np.tan(0.5 * _FIELD_OF_VIEW) * right
@@ -177,26 +177,26 @@ class SceneNodes:
         api.world_axes.visible = False
         api.set_background_image(_sky(theme), format="png")
         low, high = geometry.ground_box()
-        reach = 1.6 * float((high - low).max()) + 1.6 * geometry.size
-        cell = round_down(0.12 * geometry.size)
-        middle = np.round(0.5 * (low + high) / cell) * cell
-        plane = mix(theme.lower_background, theme.floor[:3], float(theme.floor[3]))
+        extent = 1.6 * float((high - low).max()) + 1.6 * geometry.size
+        cell_size = round_down(0.12 * geometry.size)
+        centre = np.round(0.5 * (low + high) / cell_size) * cell_size
+        floor_colour = mix_colours(theme.lower_background, theme.floor[:3], float(theme.floor[3]))
         self._floor = api.add_grid(
             "/floor",
-            width=6.0 * reach,
-            height=6.0 * reach,
+            width=6.0 * extent,
+            height=6.0 * extent,
             plane="xy",
-            position=(float(middle[0]), float(middle[1]), geometry.floor),
-            cell_size=cell,
-            section_size=5.0 * cell,
-            cell_color=to_bytes(mix(plane, theme.grid, 0.55)),
+            position=(float(centre[0]), float(centre[1]), geometry.floor),
+            cell_size=cell_size,
+            section_size=5.0 * cell_size,
+            cell_color=to_bytes(mix_colours(floor_colour, theme.grid, 0.55)),
             section_color=to_bytes(theme.grid),
             cell_thickness=0.6,
             section_thickness=1.0,
-            fade_distance=2.6 * reach,
+            fade_distance=2.6 * extent,
             fade_strength=1.0,
             fade_from="camera",
-            plane_color=to_bytes(plane),
+            plane_color=to_bytes(floor_colour),
             plane_opacity=1.0,
             shadow_opacity=0.45 if theme.name == "light" else 0.6,
         )
@@ -206,7 +206,7 @@ class SceneNodes:
 
     def _set_up_links(self) -> None:
         geometry = self.geometry
-        solids = [*geometry.solids, *handles(geometry.tree, self.theme, geometry.size)]
+        solids = [*geometry.solids, *handle_solids(geometry.tree, self.theme, geometry.size)]
         self._meshes("/hooks", [s for s in solids[len(geometry.solids) :] if s.link == WORLD])
         for k, link in enumerate(geometry.tree.links):
             solids_of_link = [s for s in solids if s.link == k]
@@ -221,21 +221,23 @@ class SceneNodes:
         """Adds a mesh for each colour and kind of shading."""
         groups: dict[tuple[tuple[int, int, int], bool], list[TriangleMesh]] = {}
         for solid in solids:
-            sharp = solid.kind == "faces" and not solid.smooth
-            for shade, surface in coloured(solid):
-                groups.setdefault((to_bytes(shade), sharp), []).append(surface)
+            flat = solid.kind == "faces" and not solid.smooth
+            for shade, surface in coloured_surfaces(solid):
+                groups.setdefault((to_bytes(shade), flat), []).append(surface)
         nodes = []
-        for n, ((colour, sharp), parts) in enumerate(groups.items()):
-            starts = np.cumsum([0, *(len(p.vertices) for p in parts)])[:-1]
-            vertices = np.concatenate([p.vertices for p in parts]).astype(np.float32)
-            faces = np.concatenate([p.faces + at for p, at in zip(parts, starts, strict=True)])
+        for n, ((colour, flat), surfaces) in enumerate(groups.items()):
+            first_vertices = np.cumsum([0, *(len(p.vertices) for p in surfaces)])[:-1]
+            vertices = np.concatenate([p.vertices for p in surfaces]).astype(np.float32)
+            faces = np.concatenate(
+                [p.faces + first for p, first in zip(surfaces, first_vertices, strict=True)]
+            )
             nodes.append(
                 self.server.scene.add_mesh_simple(
                     f"{name}/{n}",
                     vertices,
                     faces.astype(np.uint32),
                     color=colour,
-                    flat_shading=sharp,
+                    flat_shading=flat,
                     side="front",
                 )
             )
@@ -249,11 +251,11 @@ class SceneNodes:
         if self._rounding_step:
             values[:, :4] = np.round(values[:, :4], 4)
             values[:, 4:] = np.round(values[:, 4:] / self._rounding_step) * self._rounding_step
-        changed = ~(np.abs(values - self._last).max(axis=1) <= _MIN_CHANGE)
+        changed = ~(np.abs(values - self._shown_poses).max(axis=1) <= _MIN_CHANGE)
         for k, node in self._links.items():
             if changed[k] and np.isfinite(values[k]).all():
-                move(node, values[k, 4:], values[k, :4])
-        self._last = values
+                move_node(node, values[k, 4:], values[k, :4])
+        self._shown_poses = values
 
 
 def _target(camera: Camera, middle: np.ndarray) -> np.ndarray:
@@ -265,5 +267,5 @@ def _target(camera: Camera, middle: np.ndarray) -> np.ndarray:
 def _sky(theme: Theme) -> np.ndarray:
     """(256, 2, 3) pixels of the background, from 0 to 255."""
     share = np.linspace(0.0, 1.0, 256)[:, None, None]
-    rows = mix(theme.upper_background, theme.lower_background, share)
+    rows = mix_colours(theme.upper_background, theme.lower_background, share)
     return np.round(255.0 * np.tile(rows, (1, 2, 1))).astype(np.uint8)

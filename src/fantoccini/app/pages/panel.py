@@ -26,39 +26,39 @@ _GRID_STYLE = (
 )
 
 
-def note(words: str) -> str:
+def note_html(text: str) -> str:
     """Line of secondary text, as HTML."""
     return to_html(
-        element("div", words, style=f"padding:0 {_SIDE_PADDING};font-size:0.82em;opacity:0.75")
+        element("div", text, style=f"padding:0 {_SIDE_PADDING};font-size:0.82em;opacity:0.75")
     )
 
 
-def dotted(name: str, colour: str) -> list[Content]:
+def dotted_name(name: str, colour: str) -> list[Content]:
     """A dot in a colour, followed by a name."""
     return [element("span", "\N{BLACK CIRCLE}", style=f"color:{colour}"), f" {name}"]
 
 
-def bars(names: Sequence[str], scene: SceneState, nodes: SceneNodes) -> str:
+def tension_table_html(names: Sequence[str], scene: SceneState, nodes: SceneNodes) -> str:
     """HTML table of the strings: name with a coloured dot, and tension as a bar and a number."""
     cells = []
     for s, name in enumerate(names):
         tension = None if scene.tension is None else float(scene.tension[s])
         is_taut = bool(scene.taut[s]) or nodes.geometry.wires[s]
         if tension is None or not np.isfinite(tension):
-            share, colour, number = 0.0, "transparent", "taut" if is_taut else "slack"
+            share, colour, number_text = 0.0, "transparent", "taut" if is_taut else "slack"
         elif is_taut:
             share = min(abs(tension) / nodes.colours.full_scale, 1.0)
-            colour, number = nodes.colours.hexadecimal(tension), f"{tension:.2f} N"
+            colour, number_text = nodes.colours.hexadecimal(tension), f"{tension:.2f} N"
         else:
-            share, colour, number = 0.0, "transparent", "slack"
-        width = f"width:{100.0 * share:.1f}%;height:100%;border-radius:3px;background:{colour}"
-        frame = "background:rgba(128,128,128,0.16);border-radius:3px;height:0.62em"
-        right = "text-align:right;font-variant-numeric:tabular-nums"
-        faint = ";opacity:0.55" if number == "slack" else ""
+            share, colour, number_text = 0.0, "transparent", "slack"
+        fill_style = f"width:{100.0 * share:.1f}%;height:100%;border-radius:3px;background:{colour}"
+        bar_style = "background:rgba(128,128,128,0.16);border-radius:3px;height:0.62em"
+        number_style = "text-align:right;font-variant-numeric:tabular-nums"
+        slack_style = ";opacity:0.55" if number_text == "slack" else ""
         cells += [
-            element("div", *dotted(name, nodes.theme.colour(s))),
-            element("div", element("div", style=width), style=frame),
-            element("div", number, style=right + faint),
+            element("div", *dotted_name(name, nodes.theme.colour(s))),
+            element("div", element("div", style=fill_style), style=bar_style),
+            element("div", number_text, style=number_style + slack_style),
         ]
     table = element("div", *cells, style=_GRID_STYLE)
     return to_html(element("div", table, style=f"padding:0.1em {_SIDE_PADDING}"))
@@ -73,13 +73,13 @@ class Views:
     Args:
         gui: controls of the server.
         nodes: returns the current nodes.
-        touches: returns whether the puppet has contacts.
+        has_contact: returns whether the puppet has contacts.
     """
 
     def __init__(
-        self, gui: viser.GuiApi, nodes: Callable[[], SceneNodes], touches: Callable[[], bool]
+        self, gui: viser.GuiApi, nodes: Callable[[], SceneNodes], has_contact: Callable[[], bool]
     ):
-        self._nodes, self._touches = nodes, touches
+        self._nodes, self._has_contact = nodes, has_contact
         gui.add_button_group("Camera", VIEWS).on_click(self._aim_camera)
         self._floor = gui.add_checkbox("Floor", True)
         self._obstacles = gui.add_checkbox("Obstacles", True)
@@ -98,12 +98,12 @@ class Views:
         nodes.show_obstacles(self._obstacles.value)
         nodes.show_forces(self.forces)
         self._obstacles.visible = nodes.has_obstacles
-        self.forces_box.visible = self._touches()
+        self.forces_box.visible = self._has_contact()
 
     @property
     def forces(self) -> bool:
         """Whether the forces of contacts are shown."""
-        return self.forces_box.value and self._touches()
+        return self.forces_box.value and self._has_contact()
 
     def _aim_camera(self, event: viser.GuiEvent[viser.GuiButtonGroupHandle[str]]) -> None:
         if event.client is not None:
@@ -118,8 +118,8 @@ class Plot:
         names: names of the lines, as plain text.
         theme: colours.
         label: unit of the values.
-        span: first and last time [s].
-        scale: lower and upper end of the values.
+        time_range: first and last time [s].
+        value_range: lower and upper end of the values.
         mark: whether to mark the current time.
         height: height of the plot [px].
     """
@@ -130,13 +130,13 @@ class Plot:
         names: Sequence[str],
         theme: Theme,
         label: str,
-        span: tuple[float, float],
-        scale: tuple[float, float],
+        time_range: tuple[float, float],
+        value_range: tuple[float, float],
         mark: bool = False,
         height: int = 170,
     ):
         self._mark = mark
-        ink = to_hex(theme.text)
+        text_colour = to_hex(theme.text)
         grid = {"stroke": "rgba(128,128,128,0.18)", "width": 1}
         series: list[dict[str, Any]] = [{"label": "t [s]"}]
         series += [
@@ -150,17 +150,19 @@ class Plot:
             for k, name in enumerate(names)
         ]
         if mark:
-            series.append({"label": "now", "stroke": ink, "width": 1.4, "points": {"show": False}})
+            series.append(
+                {"label": "now", "stroke": text_colour, "width": 1.4, "points": {"show": False}}
+            )
         # The scale is fixed, because viser derives no range from the mark, which is mostly NaN.
-        values = {"auto": False, "range": list(scale)}
+        values = {"auto": False, "range": list(value_range)}
         zeros = tuple(np.zeros(2) for _ in series[1:])
         self._node = gui.add_uplot(
-            (np.array(span, dtype=float), *zeros),
+            (np.array(time_range, dtype=float), *zeros),
             tuple(series),
-            scales={"x": {"time": False, "auto": False, "range": list(span)}, "y": values},
+            scales={"x": {"time": False, "auto": False, "range": list(time_range)}, "y": values},
             axes=(
-                {"stroke": ink, "grid": grid, "size": 26},
-                {"stroke": ink, "grid": grid, "size": 46, "label": label, "labelSize": 16},
+                {"stroke": text_colour, "grid": grid, "size": 26},
+                {"stroke": text_colour, "grid": grid, "size": 46, "label": label, "labelSize": 16},
             ),
             legend={"show": False},
             cursor={"show": False},

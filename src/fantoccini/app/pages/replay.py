@@ -12,12 +12,12 @@ import numpy as np
 
 from fantoccini.app.pages.loop import REFRESH, PageLoop
 from fantoccini.app.pages.nodes import SceneNodes
-from fantoccini.app.pages.panel import Plot, Views, bars, dotted, note
+from fantoccini.app.pages.panel import Plot, Views, dotted_name, note_html, tension_table_html
 from fantoccini.app.pages.plan_tree import PlanTree
 from fantoccini.app.pages.scene_state import scene_at_sample
 from fantoccini.app.pages.server import Server
 from fantoccini.output.html import Content, element, to_html
-from fantoccini.output.view import Geometry, Theme, geometry_of
+from fantoccini.output.view import Geometry, Theme, run_geometry
 
 if TYPE_CHECKING:
     import viser
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from fantoccini.dynamics.marionette import Marionette
     from fantoccini.motion import EventRecord, Trajectory
 
-_SPEEDS = {"1/8": 0.125, "1/4": 0.25, "1/2": 0.5, "1": 1.0, "2": 2.0, "4": 4.0}
+_SPEED_FACTORS = {"1/8": 0.125, "1/4": 0.25, "1/2": 0.5, "1": 1.0, "2": 2.0, "4": 4.0}
 
 
 class _Limits(NamedTuple):
@@ -70,7 +70,7 @@ class ResampledRun:
     events: tuple[EventRecord, ...]
 
     @classmethod
-    def of(
+    def from_run(
         cls,
         marionette: Marionette,
         run: Trajectory,
@@ -83,12 +83,12 @@ class ResampledRun:
         """
         if rate is None:
             rate = min(_LIMITS.max_rate, _LIMITS.max_frames / max(run.duration, 1e-9))
-        frames = max(1, round(run.duration * rate))
-        times = np.linspace(run.t[0], run.t[-1], frames + 1)
+        n_frames = max(1, round(run.duration * rate))
+        times = np.linspace(run.t[0], run.t[-1], n_frames + 1)
         events = tuple(e for e in run.events if e.kind != "breakpoint")
         resampled = run.resample(times)
         forces = run.contact is not None if forces is None else forces
-        return cls(run, geometry_of(marionette, resampled, forces), events)
+        return cls(run, run_geometry(marionette, resampled, forces), events)
 
     @property
     def start(self) -> float:
@@ -100,7 +100,7 @@ class ResampledRun:
         """Last time [s]."""
         return float(self.geometry.t[-1])
 
-    def frame(self, t: float) -> int:
+    def frame_index(self, t: float) -> int:
         """Index of the frame at a time."""
         share = (t - self.start) / max(self.end - self.start, 1e-12)
         return int(np.clip(round(share * (len(self.geometry.t) - 1)), 0, len(self.geometry.t) - 1))
@@ -146,32 +146,36 @@ class Replay(PageLoop):
 
     def _set_up_panel(self) -> None:
         gui, motion = self.server.viser.gui, self.motion
-        gui.add_html(note(_summary(motion)))
-        span = motion.start, motion.end
+        gui.add_html(note_html(_summary_text(motion)))
+        time_range = motion.start, motion.end
         self._slider = gui.add_slider(
             "Time",
-            span[0],
-            max(span[1], span[0] + 1e-3),
-            max(1e-3, round((span[1] - span[0]) / 2000, 3)),
-            span[0],
-            marks=_marks(motion),
+            time_range[0],
+            max(time_range[1], time_range[0] + 1e-3),
+            max(1e-3, round((time_range[1] - time_range[0]) / 2000, 3)),
+            time_range[0],
+            marks=_slider_marks(motion),
         )
         self._slider.on_update(self._slider_moved)
         self._play = gui.add_button("Pause", icon="player-pause")
         self._play.on_click(lambda _: self._toggle())
-        steps = gui.add_button_group("Step", ("|<", "<", ">", ">|"), hint="Events and frames")
-        steps.on_click(lambda event: self._step(event.target.value))
-        self._speed = gui.add_dropdown("Speed", tuple(_SPEEDS), initial_value="1")
-        self._speed.on_update(lambda _: setattr(self, "speed", _SPEEDS[self._speed.value]))
+        step_buttons = gui.add_button_group(
+            "Step", ("|<", "<", ">", ">|"), hint="Events and frames"
+        )
+        step_buttons.on_click(lambda event: self._step(event.target.value))
+        self._speed = gui.add_dropdown("Speed", tuple(_SPEED_FACTORS), initial_value="1")
+        self._speed.on_update(lambda _: setattr(self, "speed", _SPEED_FACTORS[self._speed.value]))
         self._loop = gui.add_checkbox("Loop", True)
         self.views = Views(gui, lambda: self.nodes, lambda: motion.run.contact is not None)
         self.views.apply()
-        self._plot_t = np.linspace(*span, _LIMITS.plot_points)
-        coarse = motion.run.resample(self._plot_t)
-        self._tensions = np.minimum(coarse.tension.values, 10.0 * self.nodes.colours.full_scale).T
-        stored = [coarse.ledger["kinetic"], coarse.ledger["potential"]]
-        stored[1] = stored[1] - stored[1].min()
-        self._energies = np.array([*stored, stored[0] + stored[1]])
+        self._plot_t = np.linspace(*time_range, _LIMITS.plot_points)
+        plotted_run = motion.run.resample(self._plot_t)
+        self._tensions = np.minimum(
+            plotted_run.tension.values, 10.0 * self.nodes.colours.full_scale
+        ).T
+        energies = [plotted_run.ledger["kinetic"], plotted_run.ledger["potential"]]
+        energies[1] = energies[1] - energies[1].min()
+        self._energies = np.array([*energies, energies[0] + energies[1]])
         if motion.geometry.names:
             with gui.add_folder("Tension"):
                 self._bars = gui.add_html("")
@@ -180,7 +184,7 @@ class Replay(PageLoop):
                     motion.geometry.names,
                     self.theme,
                     "N",
-                    span,
+                    time_range,
                     (0.0, 1.05 * self.nodes.colours.full_scale),
                     mark=True,
                 )
@@ -190,8 +194,8 @@ class Replay(PageLoop):
                 ("kinetic", "potential", "sum"),
                 self.theme,
                 "J",
-                span,
-                _scale(self._energies),
+                time_range,
+                _value_range(self._energies),
                 mark=True,
                 height=140,
             )
@@ -245,12 +249,12 @@ class Replay(PageLoop):
     # -- playing -------------------------------------------------------------------------------
 
     def _run(self) -> None:
-        last = time.perf_counter()
-        while not self._end.wait(max(0.0, 1.0 / REFRESH.rate - (time.perf_counter() - last))):
+        last_time = time.perf_counter()
+        while not self._end.wait(max(0.0, 1.0 / REFRESH.rate - (time.perf_counter() - last_time))):
             now = time.perf_counter()
             if self.playing:
-                self._advance((now - last) * self.speed)
-            last = now
+                self._advance((now - last_time) * self.speed)
+            last_time = now
             self._show(now)
 
     def _advance(self, duration: float) -> None:
@@ -263,7 +267,7 @@ class Replay(PageLoop):
             self._pause()
 
     def _show(self, now: float) -> None:
-        k = self.motion.frame(self.t)
+        k = self.motion.frame_index(self.t)
         if k == self.shown:
             return
         scene = scene_at_sample(self.motion.geometry, k)
@@ -273,9 +277,11 @@ class Replay(PageLoop):
                 self._next_update["numbers"] = now + REFRESH.numbers
                 self._slider.value = round(self.t, 3)
                 if self.motion.geometry.names:
-                    self._bars.content = bars(self.motion.geometry.names, scene, self.nodes)
+                    self._bars.content = tension_table_html(
+                        self.motion.geometry.names, scene, self.nodes
+                    )
                 if self._event_list is not None:
-                    self._event_list.content = event_list(self.motion.events, self.t)
+                    self._event_list.content = events_html(self.motion.events, self.t)
             if now >= self._next_update["plot"]:
                 self._next_update["plot"] = now + REFRESH.numbers
                 if self.motion.geometry.names:
@@ -284,42 +290,42 @@ class Replay(PageLoop):
                 self.shown = k
 
 
-def _scale(values: np.ndarray) -> tuple[float, float]:
+def _value_range(values: np.ndarray) -> tuple[float, float]:
     """Range of all values, with a margin."""
     low, high = float(np.min(values)), float(np.max(values))
     margin = 0.05 * (high - low) or 1.0
     return low - margin, high + margin
 
 
-def _summary(motion: ResampledRun) -> str:
+def _summary_text(motion: ResampledRun) -> str:
     run = motion.run
-    ended = "" if run.status.name == "DONE" else f"; {run.status.message}"
+    reason = "" if run.status.name == "DONE" else f"; {run.status.message}"
     events = f"{len(motion.events)} events" if run.events_recorded else "events not recorded"
-    return f"{run.duration:.2f} s, {events}, by {run.method}{ended}"
+    return f"{run.duration:.2f} s, {events}, by {run.method}{reason}"
 
 
-def _marks(motion: ResampledRun) -> tuple[float, ...] | None:
+def _slider_marks(motion: ResampledRun) -> tuple[float, ...] | None:
     times = [e.t for e in motion.events if e.kind in ("catch", "slip", "accumulation")]
     return tuple(round(t, 3) for t in times) if 0 < len(times) <= _LIMITS.max_marks else None
 
 
-def event_list(events: Sequence[EventRecord], t: float) -> str:
+def events_html(events: Sequence[EventRecord], t: float) -> str:
     """The last events before a time, and the next one, as HTML."""
-    past = sum(e.t <= t + 1e-9 for e in events)
-    first = max(0, min(past - _LIMITS.listed_events + 2, len(events) - _LIMITS.listed_events))
+    n_past = sum(e.t <= t + 1e-9 for e in events)
+    first = max(0, min(n_past - _LIMITS.listed_events + 2, len(events) - _LIMITS.listed_events))
     rows = []
     for n, event in enumerate(events[first : first + _LIMITS.listed_events], start=first):
         text = f"{event.name} {EVENT_TEXTS.get(event.kind, event.kind)}"
         if event.impulse > 0.0:
             text += f", {event.impulse:.3g} N s"
-        weight = "font-weight:600" if n == past - 1 else ""
-        shade = "" if n < past else "opacity:0.45;"
+        weight = "font-weight:600" if n == n_past - 1 else ""
+        shade = "" if n < n_past else "opacity:0.45;"
         rows.append(element("div", f"{event.t:.3f} s \N{EN SPACE}{text}", style=shade + weight))
     return to_html(element("div", *rows, style="padding:0 0.5em;font-size:0.82em;line-height:1.5"))
 
 
-def _legend(names: Sequence[str], cycle: Sequence[str]) -> str:
+def _legend(names: Sequence[str], colours: Sequence[str]) -> str:
     dots: list[Content] = []
-    for name, colour in zip(names, cycle, strict=False):
-        dots += [*dotted(name, colour), "\N{EM SPACE}"]
+    for name, colour in zip(names, colours, strict=False):
+        dots += [*dotted_name(name, colour), "\N{EM SPACE}"]
     return to_html(element("div", *dots[:-1], style="padding:0 0.5em;font-size:0.82em"))

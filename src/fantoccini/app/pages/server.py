@@ -72,9 +72,11 @@ class Server:
         page = with_title(viser_private.client_page(), title)
         # Before the client's own script, so that our listeners run first.
         script = f"<script>{viser_private.CLIENT_SCRIPT + script}</script>"
-        self._index = in_head(page, script).encode()
+        self._index = insert_in_head(page, script).encode()
         self._handlers = handlers or {}
-        self.viser = viser_private.start(host, self.port, title, self._dispatch, self._filter)
+        self.viser = viser_private.start_server(
+            host, self.port, title, self._dispatch, self._filter_request
+        )
         self.port = self.viser.get_port()
         self.port_changed = port not in (0, self.port)
         self.viser.gui.configure_theme(
@@ -103,7 +105,7 @@ class Server:
 
     def stop(self) -> None:
         """Ends the server."""
-        viser_private.stop(self.viser)
+        viser_private.stop_server(self.viser)
 
     # -- requests ------------------------------------------------------------------------------
 
@@ -115,9 +117,9 @@ class Server:
 
         return handle
 
-    def _filter(self, connection: Any, request: Request) -> Response | None:
+    def _filter_request(self, connection: Any, request: Request) -> Response | None:
         try:
-            response = self._answer(request)
+            response = self._respond(request)
         except (LookupError, ValueError):  # repeated headers, or a host that is no address
             response = _text_response(
                 400, "Bad Request", "the headers of the request are not valid"
@@ -126,7 +128,7 @@ class Server:
             response.body = b""  # its length remains in the headers
         return response
 
-    def _answer(self, request: Request) -> Response | None:
+    def _respond(self, request: Request) -> Response | None:
         """Response to a request; None for a websocket.
 
         Raises:
@@ -139,7 +141,7 @@ class Server:
         # Parses paths as viser does: every spelling of the page's address returns the page.
         path = unquote(request.path.partition("?")[0]).replace("\\", "/")
         if [part for part in path.split("/") if part not in ("", ".")] in ([], ["index.html"]):
-            return self._page(request)
+            return self._page_response(request)
         return _text_response(404, "Not Found", "there is only the page at /")
 
     def _accepts(self, request: Request) -> bool:
@@ -149,7 +151,7 @@ class Server:
             return False
         return self.exposed or _is_loopback(urlsplit(f"//{host}").hostname or "")
 
-    def _page(self, request: Request) -> Response:
+    def _page_response(self, request: Request) -> Response:
         host = request.headers.get("Host", "")
         content = self._index
         headers = Headers()
@@ -157,32 +159,34 @@ class Server:
             content = gzip.compress(content, 6)
             headers["Content-Encoding"] = "gzip"
         headers["Content-Type"] = "text/html; charset=utf-8"
-        return _response(200, "OK", headers, content, policy(f"'self' ws://{host} wss://{host}"))
+        return _response(
+            200, "OK", headers, content, security_policy(f"'self' ws://{host} wss://{host}")
+        )
 
 
 def _text_response(code: int, reason: str, text: str) -> Response:
     headers = Headers({"Content-Type": "text/plain; charset=utf-8"})
-    return _response(code, reason, headers, f"{text}\n".encode(), policy())
+    return _response(code, reason, headers, f"{text}\n".encode(), security_policy())
 
 
-def _response(code: int, reason: str, headers: Headers, content: bytes, rules: str) -> Response:
+def _response(code: int, reason: str, headers: Headers, content: bytes, policy: str) -> Response:
     """Response with the headers that all our responses have."""
     headers["Content-Length"] = str(len(content))
     headers["Cache-Control"] = "no-store"
     headers["X-Frame-Options"] = "SAMEORIGIN"
     headers["X-Content-Type-Options"] = "nosniff"
-    headers["Content-Security-Policy"] = rules
+    headers["Content-Security-Policy"] = policy
     return Response(code, reason, headers, content)
 
 
-def policy(connect: str = "") -> str:
+def security_policy(connect: str = "") -> str:
     """Content security policy of a page that loads nothing from other addresses.
 
     ``connect`` lists additional addresses to which the page may connect.
     """
-    inline = "'unsafe-inline' 'unsafe-eval' 'wasm-unsafe-eval' data: blob:"
+    inline_sources = "'unsafe-inline' 'unsafe-eval' 'wasm-unsafe-eval' data: blob:"
     return (
-        f"default-src 'none'; script-src {inline}; worker-src data: blob:; "
+        f"default-src 'none'; script-src {inline_sources}; worker-src data: blob:; "
         "style-src 'unsafe-inline'; img-src data: blob:; font-src data:; media-src data: blob:; "
         f"connect-src data: blob: {connect}; base-uri 'none'; form-action 'none'"
     ).strip()
@@ -190,11 +194,11 @@ def policy(connect: str = "") -> str:
 
 def with_title(page: str, title: str) -> str:
     """The page with another title, given as plain text."""
-    before, _, rest = page.partition("<title>")
-    return before + to_html(element("title", title)) + rest.partition("</title>")[2]
+    before, _, after = page.partition("<title>")
+    return before + to_html(element("title", title)) + after.partition("</title>")[2]
 
 
-def in_head(page: str, html: str) -> str:
+def insert_in_head(page: str, html: str) -> str:
     """The page with ``html`` at the start of its head."""
     before, tag, after = page.partition("<head>")
     return f"{before}{tag}{html}{after}"
@@ -221,10 +225,10 @@ def free_port(host: str, first: int) -> int:
 
 
 def _listen_once(host: str, port: int) -> None:
-    family, kind, protocol, _, address = socket.getaddrinfo(
+    family, socket_type, protocol, _, address = socket.getaddrinfo(
         host or None, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
     )[0]
-    with socket.socket(family, kind, protocol) as listener:
+    with socket.socket(family, socket_type, protocol) as listener:
         # As in asyncio: a port that has just been released counts as free.
         if os.name == "posix":
             listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from fantoccini.app.pages.scene_state import SceneState
-from fantoccini.app.pages.viser_private import move
+from fantoccini.app.pages.viser_private import move_node
 from fantoccini.base import rotation
-from fantoccini.output.view import Geometry, Theme, mix, to_bytes, to_hex
+from fantoccini.output.view import Geometry, Theme, mix_colours, to_bytes, to_hex
 
 if TYPE_CHECKING:
     import viser
@@ -43,13 +43,13 @@ class Colours:
         self._ramp = theme.tension_colours(_RESOLUTION.colours)
         self._chain_colours, self._string_colours = geometry.chain_colours, geometry.colours
 
-    def of(self, string: int, tension: float | None) -> tuple[int, int, int]:
+    def string_colour(self, string: int, tension: float | None) -> tuple[int, int, int]:
         """Colour of a taut string, from 0 to 255."""
         if tension is None or not np.isfinite(tension):
             return self._own_colour(self._string_colours[string])
         return to_bytes(self._ramp[self._ramp_index(tension)])
 
-    def of_chain(self, chain: int) -> tuple[int, int, int]:
+    def chain_colour(self, chain: int) -> tuple[int, int, int]:
         """Colour of a chain, from 0 to 255."""
         return self._own_colour(self._chain_colours[chain])
 
@@ -92,7 +92,7 @@ class Strings:
             [s for s, p in enumerate(geometry.points) for _ in range(p.shape[1] - 1)], dtype=int
         )
 
-        def add(
+        def add_segments(
             name: str, n: int, colour: tuple[int, int, int], width: float, visible: bool = True
         ) -> viser.LineSegmentsHandle:
             return server.scene.add_line_segments(
@@ -105,23 +105,23 @@ class Strings:
             )
 
         self._spans = [
-            add(f"/strings/{geometry.names[s]}/{n}", 1, (0, 0, 0), 3.0, False)
+            add_segments(f"/strings/{geometry.names[s]}/{n}", 1, (0, 0, 0), 3.0, False)
             for n, s in enumerate(self._string_of_span)
         ]
         self._drawn_lengths = np.zeros(len(self._string_of_span))
         self._drawn_colours: list[tuple[int, int, int] | None] = [None] * len(self._string_of_span)
         slack = to_bytes(theme.slack)
-        self._curves = [
-            add(f"/strings/{name}/slack", 1, slack, 1.8, False) for name in geometry.names
+        self._slack_curves = [
+            add_segments(f"/strings/{name}/slack", 1, slack, 1.8, False) for name in geometry.names
         ]
-        self.nodes: list[viser.LineSegmentsHandle] = [*self._spans, *self._curves]
+        self.nodes: list[viser.LineSegmentsHandle] = [*self._spans, *self._slack_curves]
         self._springs = None
         if geometry.springs:
-            colour = to_bytes(mix(theme.muted, theme.text, 0.4))
-            self._springs = add("/springs", len(geometry.springs), colour, 4.0)
+            colour = to_bytes(mix_colours(theme.muted, theme.text, 0.4))
+            self._springs = add_segments("/springs", len(geometry.springs), colour, 4.0)
             self.nodes.append(self._springs)
         self._chains = [
-            add(f"/chains/{n}", c.shape[1] - 1, colours.of_chain(n), 3.0)
+            add_segments(f"/chains/{n}", c.shape[1] - 1, colours.chain_colour(n), 3.0)
             for n, c in enumerate(geometry.chains)
         ]
         self.nodes.extend(self._chains)
@@ -147,8 +147,8 @@ class Strings:
         lengths = np.linalg.norm(offsets, axis=1)
         visible = is_taut[self._string_of_span] & np.isfinite(lengths) & (lengths > 0.0)
         directions = offsets / np.where(visible, lengths, 1.0)[:, None]
-        x = np.array([1.0, 0.0, 0.0])
-        wxyz = rotation.shortest(x, np.where(visible[:, None], directions, x))
+        x_axis = np.array([1.0, 0.0, 0.0])
+        wxyz = rotation.shortest(x_axis, np.where(visible[:, None], directions, x_axis))
         if self._rounding_step:
             wxyz = np.round(wxyz, 4)
         starts = self._rounded(starts)
@@ -157,36 +157,36 @@ class Strings:
                 node.visible = bool(visible[n])
             if not visible[n]:
                 continue
-            move(node, starts[n], wxyz[n])
+            move_node(node, starts[n], wxyz[n])
             if abs(lengths[n] - self._drawn_lengths[n]) > _RESOLUTION.stretch * self._geometry.size:
                 self._drawn_lengths[n] = lengths[n]
                 node.points = np.array([[[0, 0, 0], [lengths[n], 0, 0]]], dtype=np.float32)
             s = self._string_of_span[n]
             tension = None if scene.tension is None else float(scene.tension[s])
-            colour = self._colours.of(s, tension)
+            colour = self._colours.string_colour(s, tension)
             if colour != self._drawn_colours[n]:
                 self._drawn_colours[n] = colour
                 node.colors = np.array(colour, dtype=np.uint8)
 
     def _show_curves(self, scene: SceneState, is_taut: np.ndarray) -> None:
-        for s, node in enumerate(self._curves):
+        for s, node in enumerate(self._slack_curves):
             visible = not is_taut[s] and bool(np.isfinite(scene.points[s]).all())
             if node.visible != visible:
                 node.visible = visible
             if not visible:
                 continue
-            line = self._rounded(
+            curve = self._rounded(
                 self._geometry.slack_curve(
                     scene.points[s], float(scene.lengths[s]), _RESOLUTION.sag_points
                 )
             )
-            move(node, line[0])
-            offsets = (line - line[0]).astype(np.float32)
+            move_node(node, curve[0])
+            offsets = (curve - curve[0]).astype(np.float32)
             node.points = np.stack([offsets[:-1], offsets[1:]], axis=1)
 
-    def _rounded(self, places: np.ndarray) -> np.ndarray:
+    def _rounded(self, positions: np.ndarray) -> np.ndarray:
         return (
-            np.round(places / self._rounding_step) * self._rounding_step
+            np.round(positions / self._rounding_step) * self._rounding_step
             if self._rounding_step
-            else places
+            else positions
         )

@@ -38,10 +38,15 @@ UNUSED_MESSAGES = (
 )
 """Messages from the browser that none of our controls sends; they are refused."""
 
-MESSAGES = (*UNUSED_MESSAGES, "GuiUpdateMessage", "SetPositionMessage", "SetOrientationMessage")
+USED_MESSAGES = (
+    *UNUSED_MESSAGES,
+    "GuiUpdateMessage",
+    "SetPositionMessage",
+    "SetOrientationMessage",
+)
 """All messages used here."""
 
-MEMBERS = (
+USED_MEMBERS = (
     "_websock_server.register_handler",
     "_websock_server.unregister_handler",
     "gui._gui_input_handle_from_uuid",
@@ -134,7 +139,7 @@ class ViserError(FantocciniError):
         )
 
 
-def start(
+def start_server(
     host: str, port: int, title: str, handler: Callable[[Handler], Handler], request_filter: Filter
 ) -> viser.ViserServer:
     """Starts a server of viser that accepts only values that its controls can have.
@@ -149,12 +154,12 @@ def start(
         ViserError: this version of viser lacks something that is used here.
     """
     module = vars(websockets.asyncio.server)
-    original, wrapped = module["serve"], threading.Event()
+    original_serve, was_called = module["serve"], threading.Event()
 
-    def serve(own: Handler, *args: Any, process_request: object, **options: Any) -> Any:
-        wrapped.set()
-        return original(
-            handler(_refusing_other_clients(own)),
+    def serve(default_handler: Handler, *args: Any, process_request: object, **options: Any) -> Any:
+        was_called.set()
+        return original_serve(
+            handler(_refusing_other_clients(default_handler)),
             *args,
             process_request=request_filter,
             create_connection=Connection,
@@ -167,11 +172,11 @@ def start(
         try:
             server = viser.ViserServer(host, port, label=title, verbose=False)
         finally:
-            module["serve"] = original
+            module["serve"] = original_serve
         try:
-            if not wrapped.is_set():
+            if not was_called.is_set():
                 raise ViserError("it does not serve through websockets.asyncio.server.serve")
-            check(server)
+            check_members(server)
         except ViserError:
             server.stop()
             raise
@@ -179,16 +184,16 @@ def start(
     return server
 
 
-def stop(server: viser.ViserServer) -> None:
+def stop_server(server: viser.ViserServer) -> None:
     """Stops a server, without viser's messages on stdout."""
     with contextlib.redirect_stdout(io.StringIO()):
         server.stop()
 
 
-def check(server: viser.ViserServer) -> None:
+def check_members(server: viser.ViserServer) -> None:
     """Raises ViserError if a private member that is used here is missing."""
-    missing = [f"_messages.{name}" for name in MESSAGES if not hasattr(viser._messages, name)]
-    for name in MEMBERS:
+    missing = [f"_messages.{name}" for name in USED_MESSAGES if not hasattr(viser._messages, name)]
+    for name in USED_MEMBERS:
         try:
             attrgetter(name)(server)
         except AttributeError:
@@ -205,7 +210,7 @@ def client_page() -> str:
     return path.read_text("utf-8")
 
 
-def move(node: Any, position: np.ndarray, wxyz: np.ndarray | None = None) -> None:
+def move_node(node: Any, position: np.ndarray, wxyz: np.ndarray | None = None) -> None:
     """Moves a node like ``node.position = ...; node.wxyz = ...``, at a fifth of the cost.
 
     viser's own setters spend most time on comparisons with the previous value.
@@ -249,17 +254,17 @@ def _refuse_other_values(server: viser.ViserServer) -> None:
     for name in (*UNUSED_MESSAGES, "GuiUpdateMessage"):
         socket.unregister_handler(getattr(messages, name))
 
-    async def update(client: int, message: Any) -> None:
+    async def handle_update(client: int, message: Any) -> None:
         control = gui._gui_input_handle_from_uuid.get(message.uuid)
         updates = message.updates
         only_value = isinstance(updates, dict) and updates.keys() == {"value"}
-        if only_value and fits(control, updates["value"]):
+        if only_value and is_valid_value(control, updates["value"]):
             await gui._handle_gui_updates(client, message)
 
-    socket.register_handler(messages.GuiUpdateMessage, update)
+    socket.register_handler(messages.GuiUpdateMessage, handle_update)
 
 
-def fits(control: Any, value: Any) -> bool:
+def is_valid_value(control: Any, value: Any) -> bool:
     """Whether a control can have a value; False for anything except the page's controls."""
     match control:
         case viser.GuiButtonGroupHandle() | viser.GuiDropdownHandle():
@@ -270,8 +275,8 @@ def fits(control: Any, value: Any) -> bool:
             return isinstance(value, bool)
         case viser.GuiSliderHandle():
             # The comparison also excludes NaN, infinity, and an int too large for a float.
-            number = isinstance(value, int | float)
-            return number and control.min - control.step <= value <= control.max + control.step
+            is_number = isinstance(value, int | float)
+            return is_number and control.min - control.step <= value <= control.max + control.step
         case viser.GuiMultiSliderHandle():
             low, high = control.min - control.step, control.max + control.step
             return (

@@ -3,8 +3,8 @@
 from .page import (
     Page as Page,
     Subject as Subject,
+    open_live_play as open_live_play,
     open_page as open_page,
-    open_show as open_show,
     subject_of as subject_of,
     write_page as write_page,
 )

@@ -84,7 +84,7 @@ class Page:
         if not isinstance(self.view, Live):
             return ()
         stage = self.view.stage
-        script = stage.score if stage.show is None else stage.show.play
+        script = stage.score if stage.live_play is None else stage.live_play.play
         return () if script is None else tuple(map(str, script.changes))
 
     @property
@@ -120,48 +120,50 @@ def _exit_on_signals() -> Iterator[None]:
 
     in_main_thread = threading.current_thread() is threading.main_thread()
     signals = [getattr(signal, name, None) for name in ("SIGTERM", "SIGHUP")]
-    unhandled = [
+    unhandled_signals = [
         s for s in signals if in_main_thread and s and signal.getsignal(s) is signal.SIG_DFL
     ]
-    for number in unhandled:
+    for number in unhandled_signals:
         signal.signal(number, raise_exit)
     try:
         yield
     finally:
-        for number in unhandled:
+        for number in unhandled_signals:
             signal.signal(number, signal.SIG_DFL)
 
 
 def subject_of(
-    what: Any, problem: str | Path | None = None, progress: OnProgress | None = None
+    source: Any, problem: str | Path | None = None, progress: OnProgress | None = None
 ) -> Subject:
     """Subject of a page, from an argument of :func:`fantoccini.app.show`.
 
     Args:
-        what: puppet, motion or plan, or a file with one of them.
+        source: puppet, motion or plan, or a file with one of them.
         problem: problem file of a plan whose problem is not bundled.
         progress: callback with the name of each long step.
 
     Raises:
         FileError: the file cannot be shown.
-        ValueError: ``what`` cannot be shown.
+        ValueError: ``source`` cannot be shown.
     """
-    if isinstance(what, str | os.PathLike):
-        return _subject_of_file(os.fspath(what), problem, progress)
-    if isinstance(what, Puppet | Scene):
-        return Subject(Marionette(what, progress))
-    if isinstance(what, Marionette):
-        return Subject(what)
-    if isinstance(what, Recording):
-        return Subject(what.marionette, what.trajectory)
-    if isinstance(what, Trajectory):
-        return Subject(_puppet_of(what, progress), what)
-    if isinstance(what, PlanResult):
-        if what.reason:
-            raise ValueError(f"there is no plan to show: {what.reason}")
-        return Subject(what.problem.drawn_marionette, what.trajectory, PlanTree.of(what))
+    if isinstance(source, str | os.PathLike):
+        return _subject_of_file(os.fspath(source), problem, progress)
+    if isinstance(source, Puppet | Scene):
+        return Subject(Marionette(source, progress))
+    if isinstance(source, Marionette):
+        return Subject(source)
+    if isinstance(source, Recording):
+        return Subject(source.marionette, source.trajectory)
+    if isinstance(source, Trajectory):
+        return Subject(_puppet_of(source, progress), source)
+    if isinstance(source, PlanResult):
+        if source.reason:
+            raise ValueError(f"there is no plan to show: {source.reason}")
+        return Subject(
+            source.problem.drawn_marionette, source.trajectory, PlanTree.from_plan(source)
+        )
     raise ValueError(
-        f"found {type(what).__name__}; needed: a puppet, a trajectory, a recording, a plan, or a "
+        f"found {type(source).__name__}; needed: a puppet, a trajectory, a recording, a plan, or a "
         "file with one of them"
     )
 
@@ -176,7 +178,7 @@ def _puppet_of(run: Trajectory, progress: OnProgress | None) -> Marionette:
 def _subject_of_file(name: str, problem: str | Path | None, progress: OnProgress | None) -> Subject:
     path = Path(name)
     if path.suffix.lower() == ".npz":
-        file_format, description = format_of(path)
+        file_format, description = npz_format(path)
         if file_format.startswith("fantoccini.plan."):
             return subject_of(_load_plan(path, description, problem, progress), progress=progress)
         _check_no_problem(path, problem)
@@ -199,7 +201,7 @@ def _check_no_problem(path: Path, problem: str | Path | None) -> None:
         raise FileError([Mistake(str(path), None, "", message)])
 
 
-def format_of(path: Path) -> tuple[str, dict[str, Any]]:
+def npz_format(path: Path) -> tuple[str, dict[str, Any]]:
     """Format and description in an npz file; empty if it has none."""
     try:
         description = npz.about_of(npz.read(path, only=npz.ABOUT))
@@ -270,7 +272,7 @@ def open_page(
     _check_folder(record_to)
     title = subject.marionette.name
     if subject.run is not None:
-        motion = ResampledRun.of(subject.marionette, subject.run)
+        motion = ResampledRun.from_run(subject.marionette, subject.run)
         server = Server(title, page_theme, host, port)
         view: Live | Replay = Replay(server, motion, page_theme, subject.tree)
     else:
@@ -296,8 +298,8 @@ def _check_folder(record_to: Path) -> None:
         raise FileError([Mistake(str(record_to), None, "", message)])
 
 
-def open_show(
-    show: LivePlay,
+def open_live_play(
+    live_play: LivePlay,
     theme: str,
     host: str,
     port: int,
@@ -308,7 +310,7 @@ def open_show(
     """Serves a page on which a play is performed.
 
     Args:
-        show: the play.
+        live_play: the play.
         theme, host, port, record_to: see :func:`open_page`.
         receive_at: address that receives OSC messages, or None.
         send_to: address to which OSC messages are sent, or None.
@@ -321,7 +323,7 @@ def open_show(
     """
     page_theme = theme_of(theme)
     _check_folder(record_to)
-    live = Live(show.performance, page_theme, record_to.absolute(), show=show)
+    live = Live(live_play.performance, page_theme, record_to.absolute(), live_play=live_play)
 
     def run_and_send_state(action: Callable[[], None]) -> None:
         action()
@@ -329,14 +331,14 @@ def open_show(
 
     if receive_at is not None or send_to is not None:
         live.stage.osc = Osc(
-            show,
+            live_play,
             receive_at,
             send_to,
-            lambda action: live.later(None, partial(run_and_send_state, action)),
+            lambda action: live.enqueue(None, partial(run_and_send_state, action)),
         )
     script = PAD_SCRIPT + SOUND_SCRIPT + MIDI_SCRIPT
     try:
-        server = Server(show.play.name, page_theme, host, port, script, live.handlers)
+        server = Server(live_play.play.name, page_theme, host, port, script, live.handlers)
     except FantocciniError:
         if live.stage.osc is not None:
             live.stage.osc.stop()

@@ -102,9 +102,9 @@ def show(
     if score is not None and subject.run is not None:
         raise ValueError("score applies to a live puppet, not to a motion")
     score = None if score is None else Path(score)
-    opened = page.open_page(subject, theme, host, port, Path(record_to), balance, score)
+    opened_page = page.open_page(subject, theme, host, port, Path(record_to), balance, score)
     if browser:
-        opened.server.open_browser()
+        opened_page.server.open_browser()
     if page.is_script() if wait is None else wait:
-        opened.wait()
-    return opened
+        opened_page.wait()
+    return opened_page

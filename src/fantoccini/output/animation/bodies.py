@@ -15,13 +15,13 @@ from fantoccini.output.animation.joints import LocalMotion
 from fantoccini.output.animation.keys import Curve, Keys, cubic_keys
 from fantoccini.output.animation.scene import AnimatedScene
 
-TOLERANCE = 1e-5
+POSITION_TOLERANCE = 1e-5
 """Largest distance of an animated point of a body from its position in the run [m]."""
 
 _MIN_EXTENT = 1e-3
 """Extent of a link without shapes [m]."""
 _SHARE_PASSES = 2
-_REFINEMENTS = 12
+_MAX_REFINEMENTS = 12
 _FIRST_FACTOR = 3.0
 """Factor by which the first shares exceed equal ones: errors of joints rarely add up."""
 _TARGET_SHARE = 0.9
@@ -57,9 +57,11 @@ class Track:
         offsets: Array = np.linalg.norm(self.values - self.curve.x, axis=1) / self.curve.tolerance
         return offsets
 
-    def finer(self, at: Indices) -> Track:
-        """The track with another key in the middle of each span that contains a sample of `at`."""
-        return self if self.keys is None else Track(self.curve, self.keys.refined(self.curve, at))
+    def refined(self, samples: Indices) -> Track:
+        """The track with another key in the middle of each span with one of `samples`."""
+        return (
+            self if self.keys is None else Track(self.curve, self.keys.refined(self.curve, samples))
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +72,7 @@ class BodyTracks:
     q: Track
 
 
-def tracks_of(scene: AnimatedScene, grid: Grid) -> dict[int, BodyTracks]:
+def compute_tracks(scene: AnimatedScene, grid: Grid) -> dict[int, BodyTracks]:
     """Tracks of every shown link.
 
     At first the joints of the longest limb share the tolerance equally. Shares then shrink around
@@ -80,24 +82,28 @@ def tracks_of(scene: AnimatedScene, grid: Grid) -> dict[int, BodyTracks]:
     motions = {k: scene.motion(k, grid.run) for k in scene.links}
     extents = _extents(scene)
     reaches = _reaches(scene, motions, extents)
-    depth = {WORLD: 0}
+    depths = {WORLD: 0}
     for k in scene.links:
-        depth[k] = depth[scene.parents[k]] + 1
-    share = np.full(len(grid.t), _FIRST_FACTOR * TOLERANCE / max(depth.values()))
+        depths[k] = depths[scene.parents[k]] + 1
+    joint_tolerance = np.full(
+        len(grid.t), _FIRST_FACTOR * POSITION_TOLERANCE / max(depths.values())
+    )
     for _ in range(_SHARE_PASSES):
-        tracks = {k: _tracks(grid.t, m, share, reaches[k]) for k, m in motions.items()}
-        worst = np.max(list(_errors(scene, motions, tracks, extents).values()), axis=0)
-        local_worst = maximum_filter1d(worst, _WINDOW)
-        share = share * np.clip(
-            _TARGET_SHARE * TOLERANCE / np.maximum(local_worst, 1e-12), 0.2, 2.0
+        tracks = {
+            k: _body_tracks(grid.t, m, joint_tolerance, reaches[k]) for k, m in motions.items()
+        }
+        max_error = np.max(list(_errors(scene, motions, tracks, extents).values()), axis=0)
+        local_max_error = maximum_filter1d(max_error, _WINDOW)
+        joint_tolerance = joint_tolerance * np.clip(
+            _TARGET_SHARE * POSITION_TOLERANCE / np.maximum(local_max_error, 1e-12), 0.2, 2.0
         )
-        share = np.clip(share, 0.01 * TOLERANCE, TOLERANCE)
-    for _ in range(_REFINEMENTS):
+        joint_tolerance = np.clip(joint_tolerance, 0.01 * POSITION_TOLERANCE, POSITION_TOLERANCE)
+    for _ in range(_MAX_REFINEMENTS):
         bad_samples = {
-            k: np.flatnonzero(error > _SAMPLE_SHARE * TOLERANCE)
+            k: np.flatnonzero(error > _SAMPLE_SHARE * POSITION_TOLERANCE)
             for k, error in _errors(scene, motions, tracks, extents).items()
         }
-        if not any(len(at) for at in bad_samples.values()):
+        if not any(len(samples) for samples in bad_samples.values()):
             break
         _add_keys(scene, tracks, bad_samples)
     return tracks
@@ -107,26 +113,30 @@ def _add_keys(
     scene: AnimatedScene, tracks: dict[int, BodyTracks], bad_samples: Mapping[int, Indices]
 ) -> None:
     """Adds keys around the samples at which the errors of links are too large."""
-    for k, at in bad_samples.items():
-        if not len(at):
+    for k, samples in bad_samples.items():
+        if not len(samples):
             continue
         chain = [k]
         while scene.parents[chain[-1]] != WORLD:
             chain.append(scene.parents[chain[-1]])
-        parts = [(link, part) for link in chain for part in ("r", "q")]
-        errors = np.array([getattr(tracks[link], part).errors[at] for link, part in parts])
-        for (link, part), at_fault in zip(parts, errors >= 0.5 * errors.max(axis=0), strict=True):
-            if at_fault.any():
-                finer = getattr(tracks[link], part).finer(at[at_fault])
-                tracks[link] = replace(tracks[link], **{part: finer})
+        components = [(link, component) for link in chain for component in ("r", "q")]
+        errors = np.array(
+            [getattr(tracks[link], component).errors[samples] for link, component in components]
+        )
+        for (link, component), is_largest in zip(
+            components, errors >= 0.5 * errors.max(axis=0), strict=True
+        ):
+            if is_largest.any():
+                refined = getattr(tracks[link], component).refined(samples[is_largest])
+                tracks[link] = replace(tracks[link], **{component: refined})
 
 
-def _tracks(t: Times, motion: LocalMotion, share: Array, reach: float) -> BodyTracks:
+def _body_tracks(t: Times, motion: LocalMotion, tolerance: Array, reach: float) -> BodyTracks:
     q = rotation.continuous(motion.q)
     # The error of a quaternion is half the angle.
     return BodyTracks(
-        _track(Curve(t, motion.r, motion.v, share, False)),
-        _track(Curve(t, q, replace(motion, q=q).q_rate, 0.5 * share / reach, True)),
+        _track(Curve(t, motion.r, motion.v, tolerance, False)),
+        _track(Curve(t, q, replace(motion, q=q).q_rate, 0.5 * tolerance / reach, True)),
     )
 
 
@@ -141,7 +151,9 @@ def _extents(scene: AnimatedScene) -> dict[int, float]:
         if solid.link in extents:
             distance = np.linalg.norm(solid.points, axis=1).max() + solid.radius
             distance += (
-                float(np.linalg.norm(solid.half, axis=0).max()) if solid.kind != "faces" else 0.0
+                float(np.linalg.norm(solid.half_axes, axis=0).max())
+                if solid.kind != "faces"
+                else 0.0
             )
             extents[solid.link] = max(extents[solid.link], float(distance))
     for line in scene.lines:

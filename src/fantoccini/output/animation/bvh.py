@@ -18,11 +18,11 @@ import numpy as np
 from fantoccini.base import Array, Quaternion, Vec3, rotation
 from fantoccini.model.tree import WORLD
 from fantoccini.motion import Trajectory
-from fantoccini.output.animation.euler import DEFAULT_ORDER, euler
+from fantoccini.output.animation.euler import DEFAULT_ORDER, order_and_angles
 from fantoccini.output.animation.joints import LocalMotion
 from fantoccini.output.animation.scene import AnimatedScene
 
-_UPRIGHT = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+_Z_UP_TO_Y_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 """Rotation matrix from z up to y up."""
 _MIN_BONE = 1e-3
 """Smallest length of the last bone of a limb [m]."""
@@ -57,8 +57,8 @@ class Joint:
     @property
     def channels(self) -> list[str]:
         """Names of the channels."""
-        moves = [] if self.positions is None else [f"{axis}position" for axis in "XYZ"]
-        return moves + [f"{axis}rotation" for axis in self.order]
+        position_channels = [] if self.positions is None else [f"{axis}position" for axis in "XYZ"]
+        return position_channels + [f"{axis}rotation" for axis in self.order]
 
     @property
     def values(self) -> Array:
@@ -72,13 +72,13 @@ def write(scene: AnimatedScene, path: Path) -> None:
     assert scene.fps is not None
     run = scene.run.resample(scene.frames(scene.fps))
     joints = joints_of(scene.without_lines(), run)
-    order, lines = list[int](), ["HIERARCHY"]
+    joint_order, lines = list[int](), ["HIERARCHY"]
     for text, k in _hierarchy(joints):
         lines.append(text)
-        order += [] if k is None else [k]
-    values = np.hstack([joints[k].values for k in order])
+        joint_order += [] if k is None else [k]
+    values = np.hstack([joints[k].values for k in joint_order])
     lines += ["MOTION", f"Frames: {len(values)}", f"Frame Time: {1.0 / scene.fps:.12g}"]
-    lines += [" ".join(_text(x) for x in row) for row in values.tolist()]
+    lines += [" ".join(_number_text(x) for x in row) for row in values.tolist()]
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
@@ -97,25 +97,27 @@ def joints_of(scene: AnimatedScene, run: Trajectory) -> list[Joint]:
         joints.append(Joint(name, -1, np.zeros(3), zeros, DEFAULT_ORDER, zeros, np.zeros(3)))
         index[WORLD] = 0
     for k in scene.links:
-        motion, above = scene.motion(k, run), orientations[scene.parents[k]]
-        q = _upright(
+        motion, parent_orientation = scene.motion(k, run), orientations[scene.parents[k]]
+        q = _to_y_up(
             _in_zero_frames(
-                rotation.quaternion(above), motion, rotation.quaternion(orientations[k])
+                rotation.quaternion(parent_orientation),
+                motion,
+                rotation.quaternion(orientations[k]),
             )
         )
-        places = motion.r @ (_UPRIGHT @ above).T
-        moves = scene.parents[k] == WORLD or _moves(scene, k)
-        order, angles = euler(q)
+        positions = motion.r @ (_Z_UP_TO_Y_UP @ parent_orientation).T
+        moves = scene.parents[k] == WORLD or _origin_moves(scene, k)
+        order, angles = order_and_angles(q)
         index[k] = len(joints)
         joints.append(
             Joint(
                 tree.links[k].name,
                 index[scene.parents[k]],
-                np.zeros(3) if moves else places[0],
-                places if moves else None,
+                np.zeros(3) if moves else positions[0],
+                positions if moves else None,
                 order,
                 angles,
-                _UPRIGHT @ orientations[k] @ tips[k],
+                _Z_UP_TO_Y_UP @ orientations[k] @ tips[k],
             )
         )
     return joints
@@ -130,17 +132,17 @@ def _in_zero_frames(
     )
 
 
-def _upright(q: Quaternion) -> Quaternion:
+def _to_y_up(q: Quaternion) -> Quaternion:
     """W R W^T, as quaternions: W rotates the axis."""
-    return np.concatenate([q[:, :1], q[:, 1:] @ _UPRIGHT.T], axis=1)
+    return np.concatenate([q[:, :1], q[:, 1:] @ _Z_UP_TO_Y_UP.T], axis=1)
 
 
-def _moves(scene: AnimatedScene, link: int) -> bool:
+def _origin_moves(scene: AnimatedScene, link: int) -> bool:
     """Whether the origin of a link moves in its parent's frame."""
     path = scene.tree.ancestors(link)
-    between = path[1 : path.index(scene.parents[link])]
-    kinds = {scene.tree.links[k].kind for k in between}
-    return bool(kinds - {"fixed"}) or scene.tree.links[link].kind in (
+    intermediate = path[1 : path.index(scene.parents[link])]
+    joint_types = {scene.tree.links[k].kind for k in intermediate}
+    return bool(joint_types - {"fixed"}) or scene.tree.links[link].kind in (
         "prismatic",
         "translation",
         "free",
@@ -158,7 +160,7 @@ def _tips(scene: AnimatedScene) -> dict[int, Vec3]:
         if solid.link in low:
             extent = solid.radius
             if solid.kind == "ellipsoid":
-                extent = np.linalg.norm(solid.half, axis=1)
+                extent = np.linalg.norm(solid.half_axes, axis=1)
             low[solid.link] = np.minimum(low[solid.link], (solid.points - extent).min(axis=0))
             high[solid.link] = np.maximum(high[solid.link], (solid.points + extent).max(axis=0))
     tips = {}
@@ -181,24 +183,24 @@ def _hierarchy(joints: Sequence[Joint]) -> Iterator[tuple[str, int | None]]:
     stack: list[tuple[int, int | None]] = [(0, 0)]
     while stack:
         depth, k = stack.pop()
-        tab = "\t" * depth
+        indent = "\t" * depth
         if k is None:
-            yield f"{tab}}}", None
+            yield f"{indent}}}", None
             continue
         joint = joints[k]
-        yield f"{tab}{'JOINT' if depth else 'ROOT'} {joint.name}", None
-        yield f"{tab}{{", None
-        yield f"{tab}\tOFFSET {' '.join(map(_text, joint.offset))}", None
-        yield f"{tab}\tCHANNELS {len(joint.channels)} {' '.join(joint.channels)}", k
+        yield f"{indent}{'JOINT' if depth else 'ROOT'} {joint.name}", None
+        yield f"{indent}{{", None
+        yield f"{indent}\tOFFSET {' '.join(map(_number_text, joint.offset))}", None
+        yield f"{indent}\tCHANNELS {len(joint.channels)} {' '.join(joint.channels)}", k
         if not children[k]:
-            tip = " ".join(map(_text, joint.tip))
+            tip = " ".join(map(_number_text, joint.tip))
             yield from (
-                (f"{tab}\t{line}", None) for line in ("End Site", "{", f"\tOFFSET {tip}", "}")
+                (f"{indent}\t{line}", None) for line in ("End Site", "{", f"\tOFFSET {tip}", "}")
             )
         stack.append((depth, None))
         stack += [(depth + 1, i) for i in reversed(children[k])]
 
 
-def _text(value: float) -> str:
+def _number_text(value: float) -> str:
     """The value, rounded to 1e-10 m or deg."""
     return f"{round(value, 10) + 0.0:.13g}"

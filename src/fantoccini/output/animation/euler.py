@@ -28,7 +28,7 @@ _MAX_STEP = 1e-3
 """Angle step that is always accepted [rad]."""
 
 
-def euler(q: Quaternion) -> tuple[str, Array]:
+def order_and_angles(q: Quaternion) -> tuple[str, Array]:
     """Order of axes, and the angles about them at all frames.
 
     The order is :data:`DEFAULT_ORDER`. If its angles change much more from frame to frame than the
@@ -41,12 +41,14 @@ def euler(q: Quaternion) -> tuple[str, Array]:
     Returns:
         The order, and (T, 3) angles in that order [rad].
     """
-    turns = np.linalg.norm(rotation.between(q[:-1], q[1:]), axis=1)
+    rotation_steps = np.linalg.norm(rotation.between(q[:-1], q[1:]), axis=1)
     angles = {DEFAULT_ORDER: euler_angles(q, DEFAULT_ORDER)}
-    if _largest_step(angles[DEFAULT_ORDER]) > _MAX_STEP + _MAX_STEP_RATIO * turns.max(initial=0.0):
+    if _largest_step(angles[DEFAULT_ORDER]) > _MAX_STEP + _MAX_STEP_RATIO * rotation_steps.max(
+        initial=0.0
+    ):
         angles |= {order: euler_angles(q, order) for order in _ORDERS if order != DEFAULT_ORDER}
-    best = min(angles, key=lambda order: _largest_step(angles[order]))
-    return best, angles[best]
+    best_order = min(angles, key=lambda order: _largest_step(angles[order]))
+    return best_order, angles[best_order]
 
 
 def euler_angles(q: Quaternion, order: str) -> Array:
@@ -58,9 +60,9 @@ def euler_angles(q: Quaternion, order: str) -> Array:
     b = np.arctan2(sign * matrices[:, i, k], cos)
     a = np.arctan2(-sign * matrices[:, j, k], matrices[:, k, k])
     c = np.arctan2(-sign * matrices[:, i, j], matrices[:, i, i])
-    raw, angles = np.stack([a, b, c], axis=1).tolist(), []
+    principal_angles, angles = np.stack([a, b, c], axis=1).tolist(), []
     previous = (0.0, 0.0, 0.0)
-    for t, (alpha, beta, gamma) in enumerate(raw):
+    for t, (alpha, beta, gamma) in enumerate(principal_angles):
         if cos[t] < _LOCKED_COS:
             gamma = previous[2]
             y = math.cos(gamma) * matrices[t, :, j] + sign * math.sin(gamma) * matrices[t, :, i]

@@ -14,7 +14,7 @@ from fantoccini.model.tree import grow
 from fantoccini.motion import Trajectory
 from fantoccini.output.animation.formats import format_of
 from fantoccini.output.animation.scene import AnimatedScene, Bodies
-from fantoccini.output.view import Drawable, Still
+from fantoccini.output.view import Drawable, UncompiledPuppet
 from fantoccini.theatre.perform import Recording
 from fantoccini.theatre.plays import Verification
 from fantoccini.theatre.retarget import FollowResult
@@ -64,19 +64,19 @@ def export(
         FileNotFoundError: there is no such folder.
     """
     path = Path(path)
-    form, rate = format_of(path, fps)
+    file_format, rate = format_of(path, fps)
     puppet, run = _puppet_and_run(what)
     if marionette is not None:
         puppet = marionette
-    scene = AnimatedScene.of(puppet, run, bodies, rate)
+    scene = AnimatedScene.from_run(puppet, run, bodies, rate)
     with replacing(path) as temporary:
         # The temporary name has another ending, but USD chooses its format by the ending.
-        complete = temporary.with_name(temporary.name + path.suffix.lower())
+        complete_file = temporary.with_name(temporary.name + path.suffix.lower())
         try:
-            form.write(scene, complete)
-            os.replace(complete, temporary)
+            file_format.writer(scene, complete_file)
+            os.replace(complete_file, temporary)
         finally:
-            complete.unlink(missing_ok=True)
+            complete_file.unlink(missing_ok=True)
     return path
 
 
@@ -86,7 +86,7 @@ def _puppet_and_run(what: Moving) -> tuple[Drawable, Trajectory]:
         case Trajectory():
             if what.puppet is None:
                 raise ValueError("the run has no puppet; give `marionette`")
-            return Still(what.puppet, grow(what.puppet)), what
+            return UncompiledPuppet(what.puppet, grow(what.puppet)), what
         case Recording():
             return what.marionette, what.trajectory
         case PlanResult():

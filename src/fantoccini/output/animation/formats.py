@@ -48,7 +48,7 @@ class Format(NamedTuple):
     library: Library | None = None
 
     @property
-    def write(self) -> Writer:
+    def writer(self) -> Writer:
         """The function that writes a scene to a path."""
         writer: Writer = import_module(f"fantoccini.output.animation.{self.module}").write
         return writer
@@ -65,7 +65,7 @@ FORMATS = {
     ".mcap": Format("foxglove", 60.0, Library("mcap_protobuf", "mcap-protobuf-support", "mcap")),
 }
 
-ENDINGS = tuple(FORMATS)
+SUFFIXES = tuple(FORMATS)
 
 
 def format_of(path: Path, fps: float | None) -> tuple[Format, float | None]:
@@ -75,13 +75,13 @@ def format_of(path: Path, fps: float | None) -> tuple[Format, float | None]:
         ValueError: the ending is unknown, or the rate is out of range.
         MissingLibraryError: the format's library is not installed.
     """
-    ending = path.suffix.lower()
-    if ending not in FORMATS:
+    suffix = path.suffix.lower()
+    if suffix not in FORMATS:
         problem = f"ends in {path.suffix!r}" if path.suffix else "has no ending"
-        raise ValueError(f"{path} {problem}; an animation ends in {', '.join(ENDINGS)}")
+        raise ValueError(f"{path} {problem}; an animation ends in {', '.join(SUFFIXES)}")
     if fps is not None and not 0.0 < fps <= MAX_FPS:
         raise ValueError(f"fps is {fps!s:.12}; it must be positive and at most {MAX_FPS:g}")
-    form = FORMATS[ending]
-    if form.library is not None and find_spec(form.library.module) is None:
-        raise MissingLibraryError(f"a file that ends in {ending}", *form.library[1:])
-    return form, form.fps if fps is None else fps
+    file_format = FORMATS[suffix]
+    if file_format.library is not None and find_spec(file_format.library.module) is None:
+        raise MissingLibraryError(f"a file that ends in {suffix}", *file_format.library[1:])
+    return file_format, file_format.fps if fps is None else fps

@@ -34,13 +34,13 @@ from mcap_protobuf.writer import Writer
 from fantoccini.base import Array, Quaternion, Status, rotation
 from fantoccini.model.tree import WORLD
 from fantoccini.motion import Trajectory
-from fantoccini.output.animation.pieces import Piece, floor_of, named_solids, piece_of
+from fantoccini.output.animation.pieces import Piece, floor_piece, named_solids, solid_piece
 from fantoccini.output.animation.scene import AnimatedScene, Line
 from fantoccini.output.animation.spans import Spans, StringSamples
-from fantoccini.output.animation.strands import COLOUR, RINGS, STRING_RADIUS
+from fantoccini.output.animation.strands import RINGS_PER_SPAN, STRING_COLOUR, STRING_RADIUS
 from fantoccini.output.view import LIGHT
 
-ROOT = "world"
+ROOT_FRAME = "world"
 """Name of the fixed frame."""
 
 FrameMessage = Callable[[int, Timestamp], Any]
@@ -61,12 +61,12 @@ def write(scene: AnimatedScene, path: Path) -> None:
         writer.add_metadata("fantoccini", metadata)
         topics = dict(_topics(scene, run))
         for k, t in enumerate(run.t - min(0.0, float(run.t[0]))):
-            now = round(float(t) * 1e9)
-            stamp = Timestamp(seconds=now // 10**9, nanos=now % 10**9)
+            nanoseconds = round(float(t) * 1e9)
+            stamp = Timestamp(seconds=nanoseconds // 10**9, nanos=nanoseconds % 10**9)
             if k == 0:
-                writer.write_message("/bodies", _bodies(scene, stamp), now, now)
+                writer.write_message("/bodies", _bodies(scene, stamp), nanoseconds, nanoseconds)
             for topic, message in topics.items():
-                writer.write_message(topic, message(k, stamp), now, now)
+                writer.write_message(topic, message(k, stamp), nanoseconds, nanoseconds)
 
 
 def _topics(scene: AnimatedScene, run: Trajectory) -> Iterator[tuple[str, FrameMessage]]:
@@ -82,8 +82,8 @@ def _topics(scene: AnimatedScene, run: Trajectory) -> Iterator[tuple[str, FrameM
         yield "/tension", _number_message("Tension", {name: columns[name] for name in names})
         flags = run.undetermined
         if flags is not None and np.any(flags.values):
-            listed = [n for n in flags.names if n in names or n not in columns]
-            undetermined = {name: flags[name].astype(float) for name in listed}
+            undetermined_names = [n for n in flags.names if n in names or n not in columns]
+            undetermined = {name: flags[name].astype(float) for name in undetermined_names}
             yield "/undetermined", _number_message("Undetermined", undetermined)
 
 
@@ -92,7 +92,7 @@ def _transforms(scene: AnimatedScene, run: Trajectory) -> FrameMessage:
     frames = []
     for k in scene.links:
         motion, parent = scene.motion(k, run), scene.parents[k]
-        parent_name = ROOT if parent == WORLD else scene.tree.links[parent].name
+        parent_name = ROOT_FRAME if parent == WORLD else scene.tree.links[parent].name
         frames.append(
             (scene.tree.links[k].name, parent_name, motion.r, rotation.continuous(motion.q))
         )
@@ -118,12 +118,12 @@ def _bodies(scene: AnimatedScene, stamp: Timestamp) -> Any:
     """Message with all shapes, each fixed in a link's frame."""
     shapes: dict[int, list[Any]] = {}
     for _, solid in named_solids(scene):
-        shapes.setdefault(solid.link, []).append(_triangles(piece_of(solid), solid.colour))
+        shapes.setdefault(solid.link, []).append(_triangles(solid_piece(solid), solid.colour))
     if scene.geometry.ground and scene.complete:
-        shapes.setdefault(WORLD, []).append(_triangles(floor_of(scene), LIGHT.lower_background))
+        shapes.setdefault(WORLD, []).append(_triangles(floor_piece(scene), LIGHT.lower_background))
     entities = []
     for link, triangles in shapes.items():
-        name = ROOT if link == WORLD else scene.tree.links[link].name
+        name = ROOT_FRAME if link == WORLD else scene.tree.links[link].name
         entities.append(
             SceneEntity(
                 timestamp=stamp, frame_id=name, id=name, frame_locked=True, triangles=triangles
@@ -143,23 +143,28 @@ def _triangles(piece: Piece, colour: Array) -> Any:
 
 def _strings(scene: AnimatedScene, run: Trajectory) -> FrameMessage:
     """Message with the strings as curves in the world frame."""
-    samples = StringSamples.of(scene, run, run.t, np.arange(len(run)))
-    curves = [(line, _curve(Spans.of(scene, line, samples))) for line in scene.lines]
+    samples = StringSamples.from_run(scene, run, run.t, np.arange(len(run)))
+    curves = [(line, _curve(Spans.of_line(scene, line, samples))) for line in scene.lines]
     width = 2.0 * STRING_RADIUS * scene.geometry.size
 
-    def strip(line: Line, points: Array) -> Any:
+    def line_strip(line: Line, points: Array) -> Any:
         return LinePrimitive(
             type=LinePrimitive.LINE_STRIP,
             thickness=width,
             points=_points(points),
-            color=_colour(COLOUR if line.colour is None else line.colour),
+            color=_colour(STRING_COLOUR if line.colour is None else line.colour),
             pose=Pose(position=_vector(np.zeros(3)), orientation=_quaternion(np.eye(4)[0])),
         )
 
     def message(i: int, stamp: Timestamp) -> Any:
         return SceneUpdate(
             entities=[
-                SceneEntity(timestamp=stamp, frame_id=ROOT, id=line.name, lines=[strip(line, x[i])])
+                SceneEntity(
+                    timestamp=stamp,
+                    frame_id=ROOT_FRAME,
+                    id=line.name,
+                    lines=[line_strip(line, x[i])],
+                )
                 for line, x in curves
             ]
         )
@@ -169,23 +174,29 @@ def _strings(scene: AnimatedScene, run: Trajectory) -> FrameMessage:
 
 def _curve(spans: Spans) -> Array:
     """(T, n, 3) points along a line, without duplicates where spans meet."""
-    points = spans.curves(2 if spans.sag is None else RINGS)
-    first, rest = points[:, 0, :1], points[:, :, 1:]
-    return np.concatenate([first, rest.reshape(len(points), -1, 3)], axis=1)
+    points = spans.curves(2 if spans.slack_length is None else RINGS_PER_SPAN)
+    first_point, other_points = points[:, 0, :1], points[:, :, 1:]
+    return np.concatenate([first_point, other_points.reshape(len(points), -1, 3)], axis=1)
 
 
 def _joints(run: Trajectory) -> FrameMessage | None:
     """Message with coordinates, velocities and accelerations, and efforts of driven coordinates."""
-    table = run.coordinates
+    coordinates = run.coordinates
     efforts = {} if run.effort is None else dict(run.effort.items())
     columns = [
         *(
-            (table.q_D[q], run.q_D[:, q], run.v_D[:, v], run.acc_D[:, v], None)
-            for q, v in table.scalars_D
+            (coordinates.q_D[q], run.q_D[:, q], run.v_D[:, v], run.acc_D[:, v], None)
+            for q, v in coordinates.scalars_D
         ),
         *(
-            (table.q_K[q], run.q_K[:, q], run.v_K[:, v], run.acc_K[:, v], efforts.get(table.v_K[v]))
-            for q, v in table.scalars_K
+            (
+                coordinates.q_K[q],
+                run.q_K[:, q],
+                run.v_K[:, v],
+                run.acc_K[:, v],
+                efforts.get(coordinates.v_K[v]),
+            )
+            for q, v in coordinates.scalars_K
         ),
     ]
     if not columns:
@@ -209,16 +220,16 @@ def _joints(run: Trajectory) -> FrameMessage | None:
     return message
 
 
-def _number_message(kind: str, columns: dict[str, Array]) -> FrameMessage:
+def _number_message(message_name: str, columns: dict[str, Array]) -> FrameMessage:
     """Message with the time and a field for each column."""
-    proto = descriptor_pb2.FileDescriptorProto(
-        name=f"puppet/{kind}.proto",
+    file_descriptor = descriptor_pb2.FileDescriptorProto(
+        name=f"puppet/{message_name}.proto",
         package="puppet",
         syntax="proto3",
         dependency=["google/protobuf/timestamp.proto"],
     )
     field = descriptor_pb2.FieldDescriptorProto
-    descriptor = proto.message_type.add(name=kind)
+    descriptor = file_descriptor.message_type.add(name=message_name)
     descriptor.field.add(
         name="timestamp",
         number=1,
@@ -233,12 +244,14 @@ def _number_message(kind: str, columns: dict[str, Array]) -> FrameMessage:
         )
     pool = descriptor_pool.DescriptorPool()
     pool.AddSerializedFile(Timestamp.DESCRIPTOR.file.serialized_pb)
-    pool.Add(proto)
-    factory = message_factory.GetMessageClass(pool.FindMessageTypeByName(f"puppet.{kind}"))
+    pool.Add(file_descriptor)
+    message_class = message_factory.GetMessageClass(
+        pool.FindMessageTypeByName(f"puppet.{message_name}")
+    )
 
     def message(i: int, stamp: Timestamp) -> Any:
         values = {name: float(x[i]) for name, x in fields.items()}
-        numbers = factory(**values)
+        numbers = message_class(**values)
         numbers.timestamp.seconds, numbers.timestamp.nanos = stamp.seconds, stamp.nanos
         return numbers
 

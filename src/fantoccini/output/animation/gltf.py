@@ -15,9 +15,9 @@ from fantoccini.base import Array
 
 Node = dict[str, Any]
 
-_COMPONENTS = {"float32": 5126, "uint16": 5123, "uint32": 5125, "uint8": 5121}
-_SHAPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
-_VIEWS: dict[str, dict[str, int]] = {
+_COMPONENT_TYPES = {"float32": 5126, "uint16": 5123, "uint32": 5125, "uint8": 5121}
+_ELEMENT_TYPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
+_BUFFER_VIEWS: dict[str, dict[str, int]] = {
     "keys": {},
     "indices": {"target": 34963},
     "vectors": {"target": 34962, "byteStride": 12},
@@ -37,7 +37,9 @@ class Document:
     """
 
     content: dict[str, Any]
-    _parts: dict[str, bytearray] = field(default_factory=lambda: {v: bytearray() for v in _VIEWS})
+    _buffers: dict[str, bytearray] = field(
+        default_factory=lambda: {v: bytearray() for v in _BUFFER_VIEWS}
+    )
     _indices: dict[tuple[Any, ...], int] = field(default_factory=dict)
     _accessors: list[dict[str, Any]] = field(default_factory=list)
 
@@ -54,42 +56,46 @@ class Document:
             self._indices[key] = self.add(kind, item)
         return self._indices[key]
 
-    def numbers(self, part: str, values: NDArray[Any], bounds: bool = False) -> int:
+    def add_accessor(self, view_name: str, values: NDArray[Any], bounds: bool = False) -> int:
         """Index of an accessor of values (n,) or (n, k); equal values share one.
 
         Args:
-            part: part of the buffer; see ``_VIEWS``.
+            view_name: part of the buffer; see ``_BUFFER_VIEWS``.
             values: the values, in the type to store.
             bounds: also store the smallest and the largest value of every component.
         """
         data = np.ascontiguousarray(values)
-        key = (part, str(data.dtype), data.shape, data.tobytes(), bounds)
+        key = (view_name, str(data.dtype), data.shape, data.tobytes(), bounds)
         if key not in self._indices:
             self._indices[key] = len(self._accessors)
             flat = data.reshape(len(data), -1)
             accessor: dict[str, Any] = {
-                "bufferView": part,
-                "byteOffset": len(self._parts[part]),
-                "componentType": _COMPONENTS[str(data.dtype)],
+                "bufferView": view_name,
+                "byteOffset": len(self._buffers[view_name]),
+                "componentType": _COMPONENT_TYPES[str(data.dtype)],
                 "count": len(data),
-                "type": _SHAPES[flat.shape[1]],
+                "type": _ELEMENT_TYPES[flat.shape[1]],
             }
             if bounds:
                 accessor |= {"min": flat.min(axis=0).tolist(), "max": flat.max(axis=0).tolist()}
             self._accessors.append(accessor)
-            self._parts[part] += _padded(data.tobytes(), b"\0")
+            self._buffers[view_name] += _pad(data.tobytes(), b"\0")
         return self._indices[key]
 
     def save(self, path: Path) -> None:
         """Writes the document as a .glb file."""
         views: dict[str, int] = {}
         data, view_list = bytearray(), list[dict[str, int]]()
-        for part, extra in _VIEWS.items():
-            if self._parts[part]:
-                views[part] = len(view_list)
-                view = {"buffer": 0, "byteOffset": len(data), "byteLength": len(self._parts[part])}
-                view_list.append(view | extra)
-                data += self._parts[part]
+        for view_name, properties in _BUFFER_VIEWS.items():
+            if self._buffers[view_name]:
+                views[view_name] = len(view_list)
+                view = {
+                    "buffer": 0,
+                    "byteOffset": len(data),
+                    "byteLength": len(self._buffers[view_name]),
+                }
+                view_list.append(view | properties)
+                data += self._buffers[view_name]
         accessors = [a | {"bufferView": views[a["bufferView"]]} for a in self._accessors]
         content = dict(self.content)
         if data:
@@ -99,7 +105,7 @@ class Document:
                 "buffers": [{"byteLength": len(data)}],
             }
         text = json.dumps(content, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
-        chunks = [(b"JSON", _padded(text.encode(), b" "))]
+        chunks = [(b"JSON", _pad(text.encode(), b" "))]
         chunks += [(b"BIN\0", bytes(data))] if data else []
         body = b"".join(struct.pack("<I", len(c)) + kind + c for kind, c in chunks)
         path.write_bytes(struct.pack("<4sII", b"glTF", 2, 12 + len(body)) + body)
@@ -128,8 +134,8 @@ class Channels:
         )
         self.samplers.append(
             {
-                "input": self.document.numbers("keys", t.astype(np.float32), bounds=True),
-                "output": self.document.numbers("keys", values.astype(np.float32)),
+                "input": self.document.add_accessor("keys", t.astype(np.float32), bounds=True),
+                "output": self.document.add_accessor("keys", values.astype(np.float32)),
                 "interpolation": interpolation,
             }
         )
@@ -146,20 +152,22 @@ def xyzw(q: Array) -> Array:
     return np.roll(q, -1, axis=-1)
 
 
-def placed(node: Node, r: Array, q: Array | None = None, scale: Array | None = None) -> Node:
+def with_transform(
+    node: Node, r: Array, q: Array | None = None, scale: Array | None = None
+) -> Node:
     """The node with position (3,), orientation (4,) and scale (3,); identities are left out."""
     if np.any(r):
-        node["translation"] = _plain(r)
+        node["translation"] = _rounded_list(r)
     if q is not None and abs(q[0]) < 1.0:
-        node["rotation"] = _plain(xyzw(q))
+        node["rotation"] = _rounded_list(xyzw(q))
     if scale is not None and np.any(scale != 1.0):
-        node["scale"] = _plain(scale)
+        node["scale"] = _rounded_list(scale)
     return node
 
 
-def _plain(values: Array) -> list[float]:
+def _rounded_list(values: Array) -> list[float]:
     return [float(f"{x:.9g}") for x in values]
 
 
-def _padded(data: bytes, filler: bytes) -> bytes:
+def _pad(data: bytes, filler: bytes) -> bytes:
     return data + filler * (-len(data) % 4)

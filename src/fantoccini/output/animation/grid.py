@@ -10,11 +10,11 @@ import numpy as np
 from fantoccini.base import Array, IndexPairs, Times, rotation
 from fantoccini.motion import Trajectory
 
-RATE = 480.0
+SAMPLE_RATE = 480.0
 """Samples per second."""
 _MAX_STEP_ERROR = 1e-6
 """Error of a step above which the step is sampled more densely [m or rad]."""
-_MIN_DISTANCE = 1e-6
+_MIN_TIME_FROM_IMPACT = 1e-6
 """Distance from an impact below which samples are dropped, for single precision [s]."""
 
 
@@ -31,39 +31,43 @@ class Grid:
     run: Trajectory
 
     @classmethod
-    def of(cls, run: Trajectory, rate: float = RATE) -> Grid:
+    def from_run(cls, run: Trajectory, rate: float = SAMPLE_RATE) -> Grid:
         """Grid of a run: evenly spaced times, every impact twice, and the end."""
-        start, span = run.t[0], run.duration
+        start, duration = run.t[0], run.duration
         impacts = np.unique(run.t[1:][np.diff(run.t) <= 0.0]) - start
-        even = _single(np.arange(int(span * rate) + 1) / rate)
-        even = np.union1d(even, _single(_rough_times(run, 3.0 / rate) - start))
-        fixed = np.append(impacts, span)
-        near = np.searchsorted(fixed, even)
-        gaps = np.abs(fixed[np.clip([near - 1, near], 0, len(fixed) - 1)] - even)
-        even = even[gaps.min(axis=0) > _MIN_DISTANCE]
-        distinct = np.union1d(np.append(even, 0.0), fixed)
+        even_times = _to_single_precision(np.arange(int(duration * rate) + 1) / rate)
+        even_times = np.union1d(
+            even_times, _to_single_precision(_extra_times(run, 3.0 / rate) - start)
+        )
+        fixed_times = np.append(impacts, duration)
+        neighbour = np.searchsorted(fixed_times, even_times)
+        gaps = np.abs(
+            fixed_times[np.clip([neighbour - 1, neighbour], 0, len(fixed_times) - 1)] - even_times
+        )
+        even_times = even_times[gaps.min(axis=0) > _MIN_TIME_FROM_IMPACT]
+        distinct = np.union1d(np.append(even_times, 0.0), fixed_times)
         times = np.sort(np.concatenate([distinct, impacts]))
-        right = run.resample(np.minimum(start + times, run.t[-1]))
-        first = np.append(np.diff(times) <= 0.0, False)
-        if first.any():
-            left = run.resample(np.minimum(start + times, run.t[-1]), side="left")
-            right = _joined(left, right, first)
-        return cls(_single(times), right)
+        grid_run = run.resample(np.minimum(start + times, run.t[-1]))
+        is_before_impact = np.append(np.diff(times) <= 0.0, False)
+        if is_before_impact.any():
+            run_before = run.resample(np.minimum(start + times, run.t[-1]), side="left")
+            grid_run = _merge_sides(run_before, grid_run, is_before_impact)
+        return cls(_to_single_precision(times), grid_run)
 
 
-def _rough_times(run: Trajectory, max_step: float) -> Times:
+def _extra_times(run: Trajectory, max_step: float) -> Times:
     """Additional times inside short steps whose motion is not smooth.
 
     With fixed steps, positions and velocities agree only to the order of the step, and impacts are
     spread over a step, so the run must also be sampled between its own samples.
     """
-    h, table = np.diff(run.t), run.coordinates
+    h, coordinates = np.diff(run.t), run.coordinates
     errors = np.zeros(len(h))
-    parts = (
-        (run.q_D, run.v_D, run.acc_D, table.scalars_D, table.quaternions_D),
-        (run.q_K, run.v_K, run.acc_K, table.scalars_K, table.quaternions_K),
+    coordinate_groups = (
+        (run.q_D, run.v_D, run.acc_D, coordinates.scalars_D, coordinates.quaternions_D),
+        (run.q_K, run.v_K, run.acc_K, coordinates.scalars_K, coordinates.quaternions_K),
     )
-    for q, v, acc, scalars, quaternions in parts:
+    for q, v, acc, scalars, quaternions in coordinate_groups:
         for change, rates in _changes(q, scalars, quaternions):
             v0, v1, a0, a1 = v[:-1, rates], v[1:, rates], acc[:-1, rates], acc[1:, rates]
             step = h[:, None]
@@ -82,22 +86,24 @@ def _changes(
 ) -> Iterator[tuple[Array, list[int] | slice]]:
     """Changes of coordinates from sample to sample, each with the index of its rates."""
     if scalars:
-        yield np.diff(q[:, [at for at, _ in scalars]], axis=0), [rate for _, rate in scalars]
-    for at, rate in quaternions:
-        turns = q[:, at : at + 4]
-        yield rotation.between(turns[:-1], turns[1:]), slice(rate, rate + 3)
+        yield np.diff(q[:, [first for first, _ in scalars]], axis=0), [rate for _, rate in scalars]
+    for first, rate in quaternions:
+        quaternion = q[:, first : first + 4]
+        yield rotation.between(quaternion[:-1], quaternion[1:]), slice(rate, rate + 3)
 
 
-def _joined(left: Trajectory, right: Trajectory, first: Array) -> Trajectory:
-    """Run with the samples of `left` where `first` is true, and those of `right` elsewhere."""
-    which = first[:, None]
+def _merge_sides(
+    run_before: Trajectory, run_after: Trajectory, is_before_impact: Array
+) -> Trajectory:
+    """Run with the samples of `run_before` where `is_before_impact` is true, and those of `run_after` elsewhere."""
+    mask = is_before_impact[:, None]
     changes = {
-        name: np.where(which, getattr(left, name), getattr(right, name))
+        name: np.where(mask, getattr(run_before, name), getattr(run_after, name))
         for name in ("q_D", "v_D", "acc_D", "q_K", "v_K", "acc_K")
     }
-    taut = right.taut.like(np.where(which, left.taut.values, right.taut.values))
-    return replace(right, taut=taut, **changes)
+    taut = run_after.taut.like(np.where(mask, run_before.taut.values, run_after.taut.values))
+    return replace(run_after, taut=taut, **changes)
 
 
-def _single(t: Times) -> Times:
+def _to_single_precision(t: Times) -> Times:
     return t.astype(np.float32).astype(float)

@@ -33,47 +33,49 @@ class LocalMotion:
     @property
     def q_rate(self) -> Quaternion:
         """(T, 4) rate of the quaternion: qdot = q (0, w) / 2 [1/s]."""
-        return 0.5 * rotation.multiply(self.q, _pure(self.w))
+        return 0.5 * rotation.multiply(self.q, _pure_quaternion(self.w))
 
-    def composed_with(self, other: LocalMotion) -> LocalMotion:
-        """Motion of a link that moves by ``other`` relative to this one."""
-        turn = rotation.matrix(self.q)
-        inverse = np.swapaxes(rotation.matrix(other.q), -1, -2)
+    def composed_with(self, relative: LocalMotion) -> LocalMotion:
+        """Motion of a link that moves by ``relative`` relative to this one."""
+        rotation_matrix = rotation.matrix(self.q)
+        relative_transposed = np.swapaxes(rotation.matrix(relative.q), -1, -2)
         return LocalMotion(
-            self.r + rotation.apply(turn, other.r),
-            rotation.multiply(self.q, other.q),
-            self.v + rotation.apply(turn, other.v + np.cross(self.w, other.r)),
-            rotation.apply(inverse, self.w) + other.w,
+            self.r + rotation.apply(rotation_matrix, relative.r),
+            rotation.multiply(self.q, relative.q),
+            self.v + rotation.apply(rotation_matrix, relative.v + np.cross(self.w, relative.r)),
+            rotation.apply(relative_transposed, self.w) + relative.w,
         )
 
     @classmethod
-    def chained(cls, motions: Iterable[LocalMotion]) -> LocalMotion:
+    def composed(cls, motions: Iterable[LocalMotion]) -> LocalMotion:
         """Composition of motions, from the ancestor down."""
         return reduce(cls.composed_with, motions)
 
 
-def local_motion(link: Link, run: Trajectory, number: Callable[[Number], float]) -> LocalMotion:
+def local_motion(link: Link, run: Trajectory, value_of: Callable[[Number], float]) -> LocalMotion:
     """T(offset) R(rotation) J(q) of a link at the samples of a run, and its rate (Eqs. 2 to 4)."""
     dynamic = link.role is Role.DYNAMIC
     q = (run.q_D if dynamic else run.q_K)[:, link.q]
     u = (run.v_D if dynamic else run.v_K)[:, link.v]
     n = len(run)
     zero, identity = np.zeros((n, 3)), np.tile([1.0, 0.0, 0.0, 0.0], (n, 1))
-    joint = LocalMotion(zero, identity, zero, zero)
+    joint_motion = LocalMotion(zero, identity, zero, zero)
     match link.kind:
         case "revolute":
             axis = link.axes[:, 0]
-            joint = LocalMotion(zero, rotation.exp(q * axis), zero, u * axis)
+            joint_motion = LocalMotion(zero, rotation.exp(q * axis), zero, u * axis)
         case "prismatic" | "translation":
-            joint = LocalMotion(q @ link.axes.T, identity, u @ link.axes.T, zero)
+            joint_motion = LocalMotion(q @ link.axes.T, identity, u @ link.axes.T, zero)
         case "ball":
-            joint = LocalMotion(zero, rotation.normalised(q), zero, u)
+            joint_motion = LocalMotion(zero, rotation.normalised(q), zero, u)
         case "free":
-            joint = LocalMotion(q[:, :3], rotation.normalised(q[:, 3:]), u[:, :3], u[:, 3:])
-    offset = np.tile([number(x) for x in link.offset], (n, 1))
-    fixed = LocalMotion(offset, np.tile(rotation.quaternion(link.rotation), (n, 1)), zero, zero)
-    return fixed.composed_with(joint)
+            joint_motion = LocalMotion(q[:, :3], rotation.normalised(q[:, 3:]), u[:, :3], u[:, 3:])
+    offset = np.tile([value_of(x) for x in link.offset], (n, 1))
+    fixed_motion = LocalMotion(
+        offset, np.tile(rotation.quaternion(link.rotation), (n, 1)), zero, zero
+    )
+    return fixed_motion.composed_with(joint_motion)
 
 
-def _pure(w: Vec3) -> Quaternion:
+def _pure_quaternion(w: Vec3) -> Quaternion:
     return np.concatenate([np.zeros((len(w), 1)), w], axis=1)

@@ -28,14 +28,14 @@ class Curve:
         x: (T, n) values; quaternions do not change sign from sample to sample.
         v: (T, n) rates of the values.
         tolerance: (T,) tolerance of the values [m or 1].
-        unit: the values are quaternions.
+        is_quaternion: the values are quaternions.
     """
 
     t: Times
     x: Array
     v: Array
     tolerance: Array
-    unit: bool
+    is_quaternion: bool
 
     @property
     def constant(self) -> bool:
@@ -62,9 +62,9 @@ class Keys:
         a, b = self.after[k], self.before[k + 1]
         return _evaluate_cubics(curve, a, b, t)
 
-    def refined(self, curve: Curve, at: Indices) -> Keys:
-        """The keys with another one in the middle of each span that contains a sample of `at`."""
-        k = np.unique(np.searchsorted(self.before, at, side="right") - 1)
+    def refined(self, curve: Curve, samples: Indices) -> Keys:
+        """The keys with another one in the middle of each span that contains a sample of `samples`."""
+        k = np.unique(np.searchsorted(self.before, samples, side="right") - 1)
         k = k[(k >= 0) & (k < len(self.before) - 1)]
         middle = (self.after[k] + self.before[k + 1]) // 2
         middle = middle[(middle > self.after[k]) & (middle < self.before[k + 1])]
@@ -80,33 +80,33 @@ def cubic_keys(curve: Curve) -> Keys:
     first, last = (np.searchsorted(curve.t, curve.t, side=side) for side in ("left", "right"))
     last -= 1
     before, after, stride = [0], [int(last[0])], 8
-    for end in np.unique(np.append(first[_jumps(curve)], first[-1])):
-        while before[-1] < end:
-            at = after[-1]
-            to = _farthest(partial(_error, curve, at), at, int(end), stride, 4)
-            stride = to - at
-            before.append(int(first[to]))
-            after.append(int(last[to]))
+    for jump in np.unique(np.append(first[_jumps(curve)], first[-1])):
+        while before[-1] < jump:
+            start = after[-1]
+            end = _farthest_sample(partial(_error, curve, start), start, int(jump), stride, 4)
+            stride = end - start
+            before.append(int(first[end]))
+            after.append(int(last[end]))
     return Keys(np.array(before), np.array(after))
 
 
-def linear_keys(t: Times, x: Array, tolerance: float, unit: bool = False) -> Indices:
+def linear_keys(t: Times, x: Array, tolerance: float, is_quaternion: bool = False) -> Indices:
     """(K,) samples between which linear interpolation keeps values (T, n) within a tolerance."""
     keys, last, stride = [0], len(t) - 1, 8
 
-    def error(at: int, to: int) -> float:
-        s = ((t[at + 1 : to] - t[at]) / max(t[to] - t[at], 1e-12))[:, None]
-        values = x[at] + s * (x[to] - x[at])
-        if unit:
+    def error(start: int, end: int) -> float:
+        s = ((t[start + 1 : end] - t[start]) / max(t[end] - t[start], 1e-12))[:, None]
+        values = x[start] + s * (x[end] - x[start])
+        if is_quaternion:
             values /= np.linalg.norm(values, axis=1, keepdims=True)
-        return float(np.max(np.abs(values - x[at + 1 : to]), initial=0.0) / tolerance)
+        return float(np.max(np.abs(values - x[start + 1 : end]), initial=0.0) / tolerance)
 
     while keys[-1] < last:
-        at = keys[-1]
-        to = _farthest(partial(error, at), at, last, stride, 2)
-        stride = to - at
+        start = keys[-1]
+        end = _farthest_sample(partial(error, start), start, last, stride, 2)
+        stride = end - start
         # A linear key can use only one of several samples at the same time.
-        keys.append(int(np.searchsorted(t, t[to], side="right")) - 1)
+        keys.append(int(np.searchsorted(t, t[end], side="right")) - 1)
     return np.array(keys)
 
 
@@ -119,31 +119,35 @@ def _jumps(curve: Curve) -> Indices:
     return impacts[jump > _MIN_JUMP * np.max(np.abs(curve.v))]
 
 
-def _farthest(error: Callable[[int], float], at: int, end: int, stride: int, power: int) -> int:
+def _farthest_sample(
+    error: Callable[[int], float], start: int, end: int, stride: int, power: int
+) -> int:
     """Approximately the last sample to which the error is at most 1; at least the next one.
 
     The error is assumed to grow as the given power of the distance, from which the next trial
     is predicted.
     """
-    reached, failed = at + 1, end + 1
-    to = min(at + max(stride, 2), end)
-    while reached < to < failed:
-        value = error(to)
+    accepted, rejected = start + 1, end + 1
+    trial = min(start + max(stride, 2), end)
+    while accepted < trial < rejected:
+        value = error(trial)
         if value <= 1.0:
-            reached = to
+            accepted = trial
         else:
-            failed = to
-        guess = at + int((to - at) * min(0.97 * max(value, 1e-9) ** (-1.0 / power), 4.0))
-        if failed - reached <= 1 + (reached - at) // 32:
+            rejected = trial
+        predicted = start + int(
+            (trial - start) * min(0.97 * max(value, 1e-9) ** (-1.0 / power), 4.0)
+        )
+        if rejected - accepted <= 1 + (accepted - start) // 32:
             break
-        to = min(max(guess, reached + 1), failed - 1)
-    return reached
+        trial = min(max(predicted, accepted + 1), rejected - 1)
+    return accepted
 
 
-def _error(curve: Curve, at: int, to: int) -> float:
+def _error(curve: Curve, start: int, end: int) -> float:
     """Largest error between two keys, in units of the tolerance."""
-    inside = slice(at + 1, to)
-    values = _evaluate_cubics(curve, np.array([at]), np.array([to]), curve.t[inside])
+    inside = slice(start + 1, end)
+    values = _evaluate_cubics(curve, np.array([start]), np.array([end]), curve.t[inside])
     offsets = values - curve.x[inside]
     errors = np.sqrt(np.einsum("ij,ij->i", offsets, offsets)) / curve.tolerance[inside]
     return float(np.max(errors, initial=0.0))
@@ -154,14 +158,14 @@ def _evaluate_cubics(curve: Curve, a: Indices, b: Indices, t: Times) -> Array:
     start, h = curve.t[a], curve.t[b] - curve.t[a]
     s = ((t - start) / np.where(h > 0.0, h, 1.0))[:, None]
     h = h[:, None]
-    ss = s * s
-    sss = ss * s
+    s2 = s * s
+    s3 = s2 * s
     x = (
-        (2 * sss - 3 * ss + 1) * curve.x[a]
-        + h * (sss - 2 * ss + s) * curve.v[a]
-        + (3 * ss - 2 * sss) * curve.x[b]
-        + h * (sss - ss) * curve.v[b]
+        (2 * s3 - 3 * s2 + 1) * curve.x[a]
+        + h * (s3 - 2 * s2 + s) * curve.v[a]
+        + (3 * s2 - 2 * s3) * curve.x[b]
+        + h * (s3 - s2) * curve.v[b]
     )
-    if curve.unit:
+    if curve.is_quaternion:
         x /= np.sqrt(np.einsum("ij,ij->i", x, x))[:, None]
     return x

@@ -17,11 +17,11 @@ from fantoccini.output.view import (
     LIGHT,
     Solid,
     TriangleMesh,
-    box,
-    capsule,
+    box_solid,
+    capsule_solid,
     frame_along,
-    handles,
-    triangles,
+    handle_solids,
+    triangulate,
 )
 
 ROUGHNESS = 0.75
@@ -53,41 +53,43 @@ def named_solids(scene: AnimatedScene) -> Iterator[tuple[str, Solid]]:
     They include the beads where a hand or a winch holds a string.
     """
     geometry, counts = scene.geometry, dict[int, int]()
-    for solid in (*geometry.solids, *handles(scene.tree, LIGHT, geometry.size)):
+    for solid in (*geometry.solids, *handle_solids(scene.tree, LIGHT, geometry.size)):
         if solid.link in scene.links or (solid.link == WORLD and scene.complete):
             counts[solid.link] = counts.get(solid.link, 0) + 1
             owner = "world" if solid.link == WORLD else scene.tree.links[solid.link].name
             yield f"{owner}_shape{counts[solid.link]}", solid
 
 
-def piece_of(solid: Solid) -> Piece:
+def solid_piece(solid: Solid) -> Piece:
     """Placed surface of a solid."""
-    middle = solid.points.mean(axis=0)
+    centre = solid.points.mean(axis=0)
     if solid.kind == "capsule":
         axis = solid.points[1] - solid.points[0]
         length, radius = float(np.linalg.norm(axis)), round(solid.radius, _DIGITS)
         if length <= 1e-9 * solid.radius:
-            return Piece(_BALL, middle, scale=np.full(3, radius))
+            return Piece(_UNIT_BALL, centre, scale=np.full(3, radius))
         ends = np.array([[0.0, 0.0, -0.5], [0.0, 0.0, 0.5]]) * round(length, _DIGITS)
-        surface = triangles(capsule(0, solid.colour, ends, radius))
-        return Piece(surface, middle, rotation.quaternion(frame_along(axis / length)))
+        surface = triangulate(capsule_solid(0, solid.colour, ends, radius))
+        return Piece(surface, centre, rotation.quaternion(frame_along(axis / length)))
     if solid.smooth:
-        return Piece(triangles(solid), np.zeros(3))
-    scale = np.linalg.norm(solid.half, axis=0)
-    axes = solid.half / scale
+        return Piece(triangulate(solid), np.zeros(3))
+    scale = np.linalg.norm(solid.half_axes, axis=0)
+    axes = solid.half_axes / scale
     # A ball and a box are their own mirror images.
     axes[:, 2] *= np.sign(np.linalg.det(axes))
-    return Piece(_BOX if solid.kind == "faces" else _BALL, middle, rotation.quaternion(axes), scale)
+    return Piece(
+        _UNIT_BOX if solid.kind == "faces" else _UNIT_BALL, centre, rotation.quaternion(axes), scale
+    )
 
 
-def floor_of(scene: AnimatedScene) -> Piece:
+def floor_piece(scene: AnimatedScene) -> Piece:
     """Square under the whole motion, facing up."""
     geometry = scene.geometry
     low, high = geometry.ground_box()
-    half = 0.5 * float((high - low).max()) + 0.5 * geometry.size
-    corners = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) * half
-    up = np.tile([0.0, 0.0, 1.0], (4, 1))
-    square = TriangleMesh(corners, np.array([[0, 1, 2], [0, 2, 3]]), up)
+    half_side = 0.5 * float((high - low).max()) + 0.5 * geometry.size
+    corners = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) * half_side
+    normals = np.tile([0.0, 0.0, 1.0], (4, 1))
+    square = TriangleMesh(corners, np.array([[0, 1, 2], [0, 2, 3]]), normals)
     return Piece(square, np.append(0.5 * (low + high), geometry.floor))
 
 
@@ -97,10 +99,10 @@ def linear_colour(colour: Array) -> list[float]:
     return [round(float(c), 4) for c in linear]
 
 
-def hex_of(colour: Array) -> str:
+def hex_digits(colour: Array) -> str:
     """An sRGB colour (3,) as six hexadecimal digits: ``6e6a62``."""
     return bytes(np.rint(255.0 * np.clip(colour, 0.0, 1.0)).astype(int).tolist()).hex()
 
 
-_BALL = triangles(capsule(0, np.zeros(3), np.zeros((2, 3)), 1.0))
-_BOX = triangles(box(0, np.zeros(3), np.zeros(3), np.eye(3)))
+_UNIT_BALL = triangulate(capsule_solid(0, np.zeros(3), np.zeros((2, 3)), 1.0))
+_UNIT_BOX = triangulate(box_solid(0, np.zeros(3), np.zeros(3), np.eye(3)))

@@ -13,12 +13,12 @@ from fantoccini.base import Array, Times, UnknownNameError
 from fantoccini.model.tree import WORLD, Point, Tree
 from fantoccini.motion import Trajectory
 from fantoccini.output.animation.joints import LocalMotion, local_motion
-from fantoccini.output.view import Drawable, Geometry, Still, geometry_of, rgb
+from fantoccini.output.view import Drawable, Geometry, UncompiledPuppet, rgb, run_geometry
 
 Bodies: TypeAlias = Sequence[str] | Literal["all"]
 """Names of bodies, or ``all``."""
 
-_SAMPLES = 200
+_N_GEOMETRY_SAMPLES = 200
 """Number of samples from which a run's extent and floor height are computed."""
 
 
@@ -50,27 +50,27 @@ class AnimatedScene:
         parents: nearest shown ancestor of each of them, or ``WORLD``.
         lines: shown strings, chains and springs.
         complete: everything is shown.
-        named: `bodies` was given, as names or ``all``.
+        bodies_given: `bodies` was given, as names or ``all``.
         fps: keys per second; None if the motion determines them.
     """
 
-    still: Still
+    still: UncompiledPuppet
     run: Trajectory
     links: tuple[int, ...]
     parents: dict[int, int]
     lines: tuple[Line, ...]
     complete: bool
-    named: bool
+    bodies_given: bool
     fps: float | None
 
     @classmethod
-    def of(
-        cls, shown: Drawable, run: Trajectory, bodies: Bodies | None, fps: float | None
+    def from_run(
+        cls, drawable: Drawable, run: Trajectory, bodies: Bodies | None, fps: float | None
     ) -> AnimatedScene:
         """Scene of a run.
 
         Args:
-            shown: the puppet or scene that moves.
+            drawable: the puppet or scene that moves.
             run: its motion.
             bodies: names of the bodies to show; all of them for ``all`` and None.
             fps: keys per second.
@@ -79,20 +79,21 @@ class AnimatedScene:
             UnknownNameError: there is no such body.
             ValueError: the run belongs to another puppet.
         """
-        still = Still(shown.puppet, shown.tree, shown.number)
+        still = UncompiledPuppet(drawable.puppet, drawable.tree, drawable.number)
         tree = still.tree
-        expected, names_of_run = (
-            (table.q_D, table.q_K) for table in (tree.coordinates, run.coordinates)
+        puppet_names, run_names = (
+            (coordinates.q_D, coordinates.q_K)
+            for coordinates in (tree.coordinates, run.coordinates)
         )
-        if expected != names_of_run:
+        if puppet_names != run_names:
             raise ValueError(f"the run is of another puppet than {tree.name}")
         check_bodies(still, bodies)
         names = None if bodies == "all" else bodies
-        named = _chosen(tree, names)
+        named_links = _named_links(tree, names)
         all_lines = _lines(still)
-        lines = tuple(line for line in all_lines if _ends_on(line, named, tree))
+        lines = tuple(line for line in all_lines if _ends_on(line, named_links, tree))
         ends = {point.link for line in lines for point in line.points} - {WORLD}
-        links = tuple(sorted({*named, *ends}))
+        links = tuple(sorted({*named_links, *ends}))
         return cls(
             still,
             run,
@@ -100,7 +101,7 @@ class AnimatedScene:
             _parents(tree, links),
             lines,
             complete=names is None,
-            named=bodies is not None,
+            bodies_given=bodies is not None,
             fps=fps,
         )
 
@@ -119,24 +120,26 @@ class AnimatedScene:
     def geometry(self) -> Geometry:
         """Solids, floor and size, with poses at some times of the run."""
         first, last = self.run.t[0], self.run.t[-1]
-        return geometry_of(self.still, self.run.resample(np.linspace(first, last, _SAMPLES)))
+        return run_geometry(
+            self.still, self.run.resample(np.linspace(first, last, _N_GEOMETRY_SAMPLES))
+        )
 
     def motion(self, link: int, run: Trajectory) -> LocalMotion:
         """Motion of a shown link in its parent's frame, at the samples of a run."""
         path, parent = self.tree.ancestors(link), self.parents[link]
-        steps = path if parent == WORLD else path[: path.index(parent)]
+        path_links = path if parent == WORLD else path[: path.index(parent)]
         number = self.still.number
-        return LocalMotion.chained(
-            local_motion(self.tree.links[k], run, number) for k in reversed(steps)
+        return LocalMotion.composed(
+            local_motion(self.tree.links[k], run, number) for k in reversed(path_links)
         )
 
-    def place(self, point: Point, poses: Array) -> Array:
+    def world_positions(self, point: Point, poses: Array) -> Array:
         """(T, 3) world positions of a point of a line [m], from link poses (T, n_links, 3, 4)."""
-        at = self.at(point)
+        local_position = self.at(point)
         if point.link == WORLD:
-            return np.tile(at, (len(poses), 1))
-        where: Array = poses[:, point.link, :, :3] @ at + poses[:, point.link, :, 3]
-        return where
+            return np.tile(local_position, (len(poses), 1))
+        positions: Array = poses[:, point.link, :, :3] @ local_position + poses[:, point.link, :, 3]
+        return positions
 
     def at(self, point: Point) -> Array:
         """(3,) position of a point in its link's frame [m]."""
@@ -149,14 +152,14 @@ class AnimatedScene:
         return np.minimum(times, self.run.t[-1])
 
 
-def check_bodies(shown: Drawable, bodies: Bodies | None) -> None:
+def check_bodies(drawable: Drawable, bodies: Bodies | None) -> None:
     """Raises UnknownNameError if one of the names is not that of a body."""
     if bodies == "all":
         return
-    names = [link.name for link in shown.tree.links]
+    names = [link.name for link in drawable.tree.links]
     for name in bodies or ():
         if name not in names:
-            raise UnknownNameError("body", name, body_names(shown.tree))
+            raise UnknownNameError("body", name, body_names(drawable.tree))
 
 
 def body_names(tree: Tree) -> list[str]:
@@ -170,11 +173,12 @@ def body_names(tree: Tree) -> list[str]:
 def _parents(tree: Tree, links: Sequence[int]) -> dict[int, int]:
     """Nearest ancestor of each of these links among them, or ``WORLD``."""
     return {
-        k: next((above for above in tree.ancestors(k)[1:] if above in links), WORLD) for k in links
+        k: next((ancestor for ancestor in tree.ancestors(k)[1:] if ancestor in links), WORLD)
+        for k in links
     }
 
 
-def _chosen(tree: Tree, bodies: Sequence[str] | None) -> tuple[int, ...]:
+def _named_links(tree: Tree, bodies: Sequence[str] | None) -> tuple[int, ...]:
     """Indices of the links with these names, parents first; of all links for None."""
     names = [link.name for link in tree.links]
     return tuple(k for k, name in enumerate(names) if bodies is None or name in bodies)
@@ -183,22 +187,20 @@ def _chosen(tree: Tree, bodies: Sequence[str] | None) -> tuple[int, ...]:
 def _ends_on(line: Line, links: Sequence[int], tree: Tree) -> bool:
     """Whether a line ends on one of the links, and otherwise only on the world and hands."""
     bodies = body_names(tree)
-    on = {point.link for point in line.points} - {WORLD}
-    rest = [k for k in on.difference(links) if tree.links[k].name in bodies]
-    return not rest and (not on or not on.isdisjoint(links))
+    attached_links = {point.link for point in line.points} - {WORLD}
+    other_bodies = [k for k in attached_links.difference(links) if tree.links[k].name in bodies]
+    return not other_bodies and (not attached_links or not attached_links.isdisjoint(links))
 
 
-def _lines(still: Still) -> list[Line]:
+def _lines(still: UncompiledPuppet) -> list[Line]:
     tree = still.tree
-    names_of_run = [
+    lines = [
         Line(s.name, s.points, k, None if s.colour is None else rgb(s.colour))
         for k, s in enumerate(tree.strings)
     ]
-    names_of_run += [
+    lines += [
         Line(c.name, c.points, None, None if c.colour is None else rgb(c.colour))
         for c in tree.chains
     ]
-    names_of_run += [
-        Line(f"spring{k + 1}", s.points, None, None) for k, s in enumerate(tree.springs)
-    ]
-    return names_of_run
+    lines += [Line(f"spring{k + 1}", s.points, None, None) for k, s in enumerate(tree.springs)]
+    return lines

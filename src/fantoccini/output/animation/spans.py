@@ -13,7 +13,7 @@ from fantoccini.output.animation.grid import Grid
 from fantoccini.output.animation.scene import AnimatedScene, Line
 from fantoccini.output.view import rope
 
-_RATE = 60.0
+_SAMPLE_RATE = 60.0
 """Evenly spaced samples of the strings per second, besides those at catches and releases."""
 
 
@@ -24,41 +24,45 @@ class StringSamples:
     Attributes:
         t: (T,) times of the samples [s].
         poses: (T, n_links, 3, 4) poses of the links.
-        turns: (T, 4) orientations of the links, by index.
+        orientations: (T, 4) orientations of the links, by index.
         lengths, taut: (T, n_strings) lengths of the strings [m], and whether they are taut.
         floor: height below which no string sags [m]; minus infinity without a floor.
     """
 
     t: Times
     poses: Array
-    turns: dict[int, Quaternion]
+    orientations: dict[int, Quaternion]
     lengths: Array
     taut: Array
     floor: float
 
     @classmethod
-    def among(cls, scene: AnimatedScene, grid: Grid) -> StringSamples:
+    def at_even_times(cls, scene: AnimatedScene, grid: Grid) -> StringSamples:
         """Evenly spaced samples, and those around every change between slack and taut."""
         taut, last = grid.run.taut.values, len(grid.t) - 1
-        even = np.searchsorted(grid.t, np.arange(0.0, grid.t[-1], 1.0 / _RATE))
-        change = np.flatnonzero(np.any(taut[1:] != taut[:-1], axis=1))
-        at = np.unique(np.clip([*even, *change, *(change + 1), last], 0, last))
-        return cls.of(scene, grid.run, grid.t, at[np.append(np.diff(grid.t[at]) > 0.0, True)])
+        even_samples = np.searchsorted(grid.t, np.arange(0.0, grid.t[-1], 1.0 / _SAMPLE_RATE))
+        changes = np.flatnonzero(np.any(taut[1:] != taut[:-1], axis=1))
+        samples = np.unique(np.clip([*even_samples, *changes, *(changes + 1), last], 0, last))
+        return cls.from_run(
+            scene, grid.run, grid.t, samples[np.append(np.diff(grid.t[samples]) > 0.0, True)]
+        )
 
     @classmethod
-    def of(cls, scene: AnimatedScene, run: Trajectory, t: Times, at: Indices) -> StringSamples:
-        """Samples ``at`` of a run whose times in the file are ``t``."""
-        still, q_D, q_K = scene.still, run.q_D[at], run.q_K[at]
+    def from_run(
+        cls, scene: AnimatedScene, run: Trajectory, t: Times, samples: Indices
+    ) -> StringSamples:
+        """Chosen samples of a run whose times in the file are ``t``."""
+        still, q_D, q_K = scene.still, run.q_D[samples], run.q_K[samples]
         poses = still.poses(q_D, q_K)
-        slip = 0.0 if run.slip is None else run.slip.values[at]
+        slip = 0.0 if run.slip is None else run.slip.values[samples]
         wires = np.array([s.wire for s in scene.tree.strings], dtype=bool)
         links = {point.link for line in scene.lines for point in line.points} - {WORLD}
         return cls(
-            t=t[at],
+            t=t[samples],
             poses=poses,
-            turns={k: rotation.quaternion(poses[:, k, :, :3]) for k in links},
+            orientations={k: rotation.quaternion(poses[:, k, :, :3]) for k in links},
             lengths=still.string_lengths(q_D, q_K) + slip,
-            taut=run.taut.values[at] | wires,
+            taut=run.taut.values[samples] | wires,
             floor=scene.geometry.floor if scene.geometry.ground else -np.inf,
         )
 
@@ -72,9 +76,9 @@ class Spans:
         points: (T, S + 1, 3) points that the line runs through [m].
         directions: (S, T, 3) unit vectors along the spans.
         frames: (S, T, 4) orientations whose z axes are the directions, without twist.
-        turns: (T, 4) orientations of the links, by index.
-        sag: (T,) length of the string while it is slack, zero while it is taut [m]; None for a
-            line that is never slack.
+        orientations: (T, 4) orientations of the links, by index.
+        slack_length: (T,) length of the string while it is slack, zero while it is taut [m]; None
+            for a line that is never slack.
         floor: height below which no string sags [m].
     """
 
@@ -82,53 +86,55 @@ class Spans:
     points: Array
     directions: Array
     frames: Quaternion
-    turns: dict[int, Quaternion]
-    sag: Array | None
+    orientations: dict[int, Quaternion]
+    slack_length: Array | None
     floor: float
 
     @classmethod
-    def of(cls, scene: AnimatedScene, line: Line, samples: StringSamples) -> Spans:
+    def of_line(cls, scene: AnimatedScene, line: Line, samples: StringSamples) -> Spans:
         """Spans of a line of a scene."""
-        points = np.stack([scene.place(point, samples.poses) for point in line.points], axis=1)
+        points = np.stack(
+            [scene.world_positions(point, samples.poses) for point in line.points], axis=1
+        )
         offsets = np.swapaxes(np.diff(points, axis=1), 0, 1)
         length = np.linalg.norm(offsets, axis=-1, keepdims=True)
         directions = np.where(length > 1e-9, offsets / np.maximum(length, 1e-9), [0.0, 0.0, 1.0])
-        sag = None
+        slack_length = None
         if line.string is not None:
             slack = np.logical_not(samples.taut[:, line.string])
             if slack.any():
-                sag = np.where(slack, samples.lengths[:, line.string], 0.0)
+                slack_length = np.where(slack, samples.lengths[:, line.string], 0.0)
         return cls(
             samples.t,
             points,
             directions,
             _transported_frames(directions),
-            samples.turns,
-            sag,
+            samples.orientations,
+            slack_length,
             samples.floor,
         )
 
-    def sags(self, rings: int) -> Array:
+    def sag_offsets(self, rings: int) -> Array:
         """(T, S, rings, 3) offsets of the string from the straight spans, in their frames [m].
 
         The rings are evenly spread along the string.
         """
-        turns = np.swapaxes(rotation.matrix(self.frames), 0, 1)
-        return (self.curves(rings) - self._straight(rings)) @ turns
+        matrices = np.swapaxes(rotation.matrix(self.frames), 0, 1)
+        return (self.curves(rings) - self._straight(rings)) @ matrices
 
     def curves(self, rings: int) -> Array:
         """(T, S, rings, 3) points along the string [m]."""
-        out, n = self._straight(rings), len(self.directions)
-        sag = np.zeros(len(self.t)) if self.sag is None else self.sag
-        for k in np.flatnonzero(sag > 0.0):
+        points_by_span, n = self._straight(rings), len(self.directions)
+        slack_length = np.zeros(len(self.t)) if self.slack_length is None else self.slack_length
+        for k in np.flatnonzero(slack_length > 0.0):
             points = self.points[k]
             lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
-            span_lengths = sag[k] * (lengths / lengths.sum() if lengths.sum() else 1.0 / n)
+            span_lengths = slack_length[k] * (lengths / lengths.sum() if lengths.sum() else 1.0 / n)
             for s in range(n):
-                line = rope.hanging(points[s], points[s + 1], float(span_lengths[s]))
+                line = rope.hanging_curve(points[s], points[s + 1], float(span_lengths[s]))
                 line = np.maximum(line, [-np.inf, -np.inf, min(self.floor, *points[s : s + 2, 2])])
-                out[k, s] = _resampled(line, rings)
-        return out
+                points_by_span[k, s] = _resampled(line, rings)
+        return points_by_span
 
     def _straight(self, rings: int) -> Array:
         share = np.linspace(0.0, 1.0, rings)[:, None]
@@ -139,18 +145,18 @@ class Spans:
 
 def _resampled(line: Array, n: int) -> Array:
     """(n, 3) evenly spaced points along a polyline (m, 3)."""
-    along = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1)))
-    at = np.linspace(0.0, along[-1], n)
-    return np.column_stack([np.interp(at, along, x) for x in line.T])
+    arc_lengths = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1)))
+    positions = np.linspace(0.0, arc_lengths[-1], n)
+    return np.column_stack([np.interp(positions, arc_lengths, x) for x in line.T])
 
 
 def _transported_frames(directions: Array) -> Quaternion:
     """Frames (S, T, 4) with these z axes (S, T, 3), each rotated the shortest way from the last."""
     frames = np.empty((*directions.shape[:2], 4))
-    before, frame = np.tile([0.0, 0.0, 1.0], (len(directions), 1)), np.eye(1, 4)
+    previous, frame = np.tile([0.0, 0.0, 1.0], (len(directions), 1)), np.eye(1, 4)
     for k in range(directions.shape[1]):
-        turn = rotation.shortest(before, directions[:, k])
-        frame = rotation.normalised(rotation.multiply(turn, frame))
+        step = rotation.shortest(previous, directions[:, k])
+        frame = rotation.normalised(rotation.multiply(step, frame))
         frames[:, k] = frame
-        before = directions[:, k]
+        previous = directions[:, k]
     return frames

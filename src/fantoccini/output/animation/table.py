@@ -8,8 +8,8 @@ from fantoccini.base import Array, rotation, write_table
 from fantoccini.motion import Trajectory
 from fantoccini.output.animation.scene import AnimatedScene
 
-_PLACE = ("x", "y", "z")
-_TURN = ("qw", "qx", "qy", "qz")
+_POSITION_KEYS = ("x", "y", "z")
+_QUATERNION_KEYS = ("qw", "qx", "qy", "qz")
 
 
 def write(scene: AnimatedScene, path: Path) -> None:
@@ -22,25 +22,27 @@ def write(scene: AnimatedScene, path: Path) -> None:
     if scene.fps is not None:
         run = run.resample(scene.frames(scene.fps))
     columns = run.columns()
-    if scene.named:
-        columns |= places(scene, run)
+    if scene.bodies_given:
+        columns |= pose_columns(scene, run)
     write_table(columns, path)
 
 
-def places(scene: AnimatedScene, run: Trajectory) -> dict[str, Array]:
+def pose_columns(scene: AnimatedScene, run: Trajectory) -> dict[str, Array]:
     """Poses of the bodies and ends of the strings in the world frame, as columns (T,) [m and 1]."""
     poses = scene.still.poses(run.q_D, run.q_K)
     columns: dict[str, Array] = {}
     for k in scene.without_lines().links:
         name = scene.tree.links[k].name
-        turns = rotation.quaternion(poses[:, k, :, :3])
-        columns |= _columns(f"pose:{name}", _PLACE, poses[:, k, :, 3])
-        columns |= _columns(f"pose:{name}", _TURN, rotation.continuous(turns))
+        quaternions = rotation.quaternion(poses[:, k, :, :3])
+        columns |= _columns(f"pose:{name}", _POSITION_KEYS, poses[:, k, :, 3])
+        columns |= _columns(f"pose:{name}", _QUATERNION_KEYS, rotation.continuous(quaternions))
     for line in scene.lines:
-        for which, point in (("start", line.points[0]), ("end", line.points[-1])):
-            columns |= _columns(f"{which}:{line.name}", _PLACE, scene.place(point, poses))
+        for end_name, point in (("start", line.points[0]), ("end", line.points[-1])):
+            columns |= _columns(
+                f"{end_name}:{line.name}", _POSITION_KEYS, scene.world_positions(point, poses)
+            )
     return columns
 
 
-def _columns(name: str, parts: tuple[str, ...], values: Array) -> dict[str, Array]:
-    return {f"{name}.{part}": x for part, x in zip(parts, values.T, strict=True)}
+def _columns(name: str, keys: tuple[str, ...], values: Array) -> dict[str, Array]:
+    return {f"{name}.{key}": x for key, x in zip(keys, values.T, strict=True)}

@@ -10,7 +10,7 @@ from pathlib import Path, PurePosixPath
 
 from fantoccini.base import ExchangeError, Mistake, replacing
 
-MAX_NAME = 64
+MAX_NAME_LENGTH = 64
 """Largest length of a name [characters]."""
 
 
@@ -45,7 +45,7 @@ class ImportNote:
 
 
 @dataclass(frozen=True)
-class Imported:
+class ImportedPuppet:
     """A model as a puppet.
 
     Attributes:
@@ -77,22 +77,24 @@ class Imported:
             ExchangeError: a file exists already, or is part of the model.
             FileNotFoundError: the folder does not exist.
         """
-        place = Path(path)
-        folder, text = f"{plain_name(place.stem) or 'puppet'}_meshes", self.text
+        puppet_path = Path(path)
+        folder, text = f"{valid_name(puppet_path.stem) or 'puppet'}_meshes", self.text
         files = dict[Path, bytes]()
         for name, content in self.meshes.items():
             new_name = f"{folder}/{PurePosixPath(name).name}"
             text = text.replace(f'file: "{name}"', f'file: "{new_name}"')
-            files[place.parent / new_name] = content
-        files[place] = text.encode()
-        if not os.path.isdir(place.parent):
-            raise FileNotFoundError(f"{place} cannot be written: there is no folder {place.parent}")
+            files[puppet_path.parent / new_name] = content
+        files[puppet_path] = text.encode()
+        if not os.path.isdir(puppet_path.parent):
+            raise FileNotFoundError(
+                f"{puppet_path} cannot be written: there is no folder {puppet_path.parent}"
+            )
         mistakes = [
             Mistake(str(f), None, "", reason)
             for f in files
             if (reason := self._why_protected(f, force))
         ]
-        mesh_folder = place.parent / folder
+        mesh_folder = puppet_path.parent / folder
         if self.meshes and mesh_folder.exists() and not mesh_folder.is_dir():
             reason = "is a file; the meshes need a folder of this name"
             mistakes.insert(0, Mistake(str(mesh_folder), None, "", reason))
@@ -112,9 +114,9 @@ class Imported:
         return "" if force else "exists already; replace it with force=True (--force)"
 
 
-def plain_name(name: str) -> str:
+def valid_name(name: str) -> str:
     """Nearest valid name of a part of a puppet; empty if there is none."""
-    valid = re.sub(r"[^A-Za-z0-9_-]+", "_", name)
-    if valid and not re.match(r"[A-Za-z_]", valid):
-        valid = f"_{valid}"
-    return "" if not valid.strip("_-") else valid[:MAX_NAME]
+    candidate = re.sub(r"[^A-Za-z0-9_-]+", "_", name)
+    if candidate and not re.match(r"[A-Za-z_]", candidate):
+        candidate = f"_{candidate}"
+    return "" if not candidate.strip("_-") else candidate[:MAX_NAME_LENGTH]

@@ -14,28 +14,28 @@ import numpy as np
 from fantoccini.base import ExchangeError, StateError, UnknownNameError, is_number
 from fantoccini.dynamics.mujoco import library
 from fantoccini.model.puppet import QUANTITIES
-from fantoccini.output.exchange.draft import Draft, numbers
-from fantoccini.output.exchange.imported import Imported
-from fantoccini.output.exchange.mjcf_bodies import Bodies, Compiled
+from fantoccini.output.exchange.draft import Draft, written_numbers
+from fantoccini.output.exchange.imported import ImportedPuppet
+from fantoccini.output.exchange.mjcf_bodies import BodyConverter, CompiledModel
 from fantoccini.output.exchange.mjcf_copies import attached_models
 from fantoccini.output.exchange.mjcf_includes import (
     asset_folders,
-    line_of_mistake,
-    locate,
+    line_of_error,
     with_includes,
-    with_line,
+    with_line_number,
+    write_element_lines,
 )
 from fantoccini.output.exchange.mjcf_rest import add_notes, add_shapes
 from fantoccini.output.exchange.mjcf_strings import add_constraints, add_tendons
-from fantoccini.output.exchange.model_file import ROOTS, ModelFile, line_in, read_model
+from fantoccini.output.exchange.model_file import ROOTS, ModelFile, line_in_message, read_model
 
-_UNNAMED = "MuJoCo Model"
+_DEFAULT_MODEL_NAME = "MuJoCo Model"
 """Name that MuJoCo gives to models without one."""
 
 
 def import_model(
     path: str | os.PathLike[str], keyframe: str | None = None, density: float | None = None
-) -> Imported:
+) -> ImportedPuppet:
     """Converts a model in MJCF or URDF to a puppet file.
 
     Joints keep their coordinates: apart from the differences in the report, accelerations equal
@@ -80,27 +80,27 @@ def _check_density(density: float | None) -> None:
         )
 
 
-def mjcf_puppet(file: ModelFile, keyframe: str | None) -> Imported:
+def mjcf_puppet(file: ModelFile, keyframe: str | None) -> ImportedPuppet:
     """Converts an MJCF file to a puppet file."""
     file = with_includes(file)
     models = attached_models(file)
-    compiled = _compiled(file, keyframe, models)
+    compiled = _compile_with_attached(file, keyframe, models)
     name = compiled.spec.modelname
-    draft = Draft(file, "" if name == _UNNAMED else name)
+    draft = Draft(file, "" if name == _DEFAULT_MODEL_NAME else name)
     m, flags = compiled.model, compiled.mujoco.mjtDisableBit
     weightless = m.opt.disableflags & int(flags.mjDSBL_GRAVITY)
-    gravity = [0.0, 0.0, 0.0] if weightless else numbers(m.opt.gravity)
+    gravity = [0.0, 0.0, 0.0] if weightless else written_numbers(m.opt.gravity)
     if gravity != [0.0, 0.0, -9.81]:
         draft.other_keys["gravity"] = gravity
-    bodies = Bodies(compiled, draft)
+    converter = BodyConverter(compiled, draft)
     for model in models:
-        draft.sources += (model.path, *model.others)
+        draft.sources += (model.path, *model.included_files)
     for model in (file, *models):
-        draft.sources += _assets(model)
-    add_tendons(bodies)
-    add_constraints(bodies)
-    add_shapes(bodies)
-    add_notes(bodies, keyframe)
+        draft.sources += _asset_paths(model)
+    add_tendons(converter)
+    add_constraints(converter)
+    add_shapes(converter)
+    add_notes(converter, keyframe)
     for text in compiled.warnings:
         draft.note("mujoco", "", f"warns: {text[:300]}")
     return draft.finish([f"{draft.name}: converted from the MuJoCo model {file.path.name}."])
@@ -114,34 +114,34 @@ class _MuJoCoError:
     line: int | None
 
     @property
-    def first(self) -> str:
+    def first_line(self) -> str:
         """First line of the message, without the element."""
         return self.text.partition("\n")[0]
 
-    def mistake(self, file: ModelFile) -> ExchangeError:
+    def error_at(self, file: ModelFile) -> ExchangeError:
         lines = [part.strip() for part in self.text.splitlines() if part.strip()]
         text = "; ".join(lines)[:500] or "cannot be read"
-        return file.mistake(f"MuJoCo says: {text}", self.line)
+        return file.error_at(f"MuJoCo says: {text}", self.line)
 
 
-def _read(file: ModelFile) -> tuple[Any, Any] | _MuJoCoError:
+def _compile_spec(file: ModelFile) -> tuple[Any, Any] | _MuJoCoError:
     """MuJoCo's specification and model of a file, or the error."""
     mujoco, spec = library(), None
     try:
         spec = mujoco.MjSpec.from_file(str(file.path))
         if file.origins:
-            locate(mujoco, file, spec)
+            write_element_lines(mujoco, file, spec)
         return spec, spec.compile()
     except (ValueError, RuntimeError, mujoco.FatalError) as error:
-        message, line = str(error), line_in(str(error))
+        message, line = str(error), line_in_message(str(error))
         if file.origins:
             if spec is None:
-                line = line_of_mistake(mujoco, file, message)
-            message = with_line(message, file.place(line)[1])
+                line = line_of_error(mujoco, file, message)
+            message = with_line_number(message, file.file_and_line(line)[1])
         return _MuJoCoError(message, line)
 
 
-def _assets(file: ModelFile) -> Iterator[Path]:
+def _asset_paths(file: ModelFile) -> Iterator[Path]:
     """Possible paths of files that a model names, with and without the folders in their names."""
     folders = asset_folders(file)
     for element in file.elements:
@@ -150,34 +150,38 @@ def _assets(file: ModelFile) -> Iterator[Path]:
                 yield from (Path(folder, name) for folder in folders)
 
 
-def _compiled(file: ModelFile, keyframe: str | None, models: Iterable[ModelFile]) -> Compiled:
+def _compile_with_attached(
+    file: ModelFile, keyframe: str | None, models: Iterable[ModelFile]
+) -> CompiledModel:
     """Compiled model of a file that may attach other models."""
     mujoco = library()
-    with warnings.catch_warnings(record=True) as caught:
+    with warnings.catch_warnings(record=True) as mujoco_warnings:
         warnings.simplefilter("always")
-        result = _read(file)
+        result = _compile_spec(file)
         if isinstance(result, _MuJoCoError):
-            for attached in models if result.line is None else ():
-                attached_result = _read(attached)
+            for attached_model in models if result.line is None else ():
+                attached_result = _compile_spec(attached_model)
                 if (
                     isinstance(attached_result, _MuJoCoError)
-                    and attached_result.first
-                    and attached_result.first in result.text
+                    and attached_result.first_line
+                    and attached_result.first_line in result.text
                 ):
-                    raise attached_result.mistake(attached)
-            raise result.mistake(file)
+                    raise attached_result.error_at(attached_model)
+            raise result.error_at(file)
     spec, model = result
     names = [model.key(k).name for k in range(model.nkey)]
     if keyframe is not None and keyframe not in names:
         raise UnknownNameError("keyframe", keyframe, names)
     mocap_bodies = np.argsort(model.body_mocapid)[model.nbody - model.nmocap :]
-    qpos, mocap = (
+    qpos, mocap_poses = (
         model.qpos0,
         np.hstack([model.body_pos[mocap_bodies], model.body_quat[mocap_bodies]]),
     )
     if keyframe is not None:
         k = names.index(keyframe)
         qpos = model.key_qpos[k]
-        mocap = np.hstack([model.key_mpos[k].reshape(-1, 3), model.key_mquat[k].reshape(-1, 4)])
-    texts = tuple(" ".join(str(w.message).split()) for w in caught)
-    return Compiled(mujoco, spec, model, np.array(qpos), mocap, texts)
+        mocap_poses = np.hstack(
+            [model.key_mpos[k].reshape(-1, 3), model.key_mquat[k].reshape(-1, 4)]
+        )
+    texts = tuple(" ".join(str(w.message).split()) for w in mujoco_warnings)
+    return CompiledModel(mujoco, spec, model, np.array(qpos), mocap_poses, texts)

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from fantoccini.base import ExchangeError
 from fantoccini.output.exchange.mjcf_includes import asset_folders, find_file, with_includes
-from fantoccini.output.exchange.mjcf_memory import refuse_large
+from fantoccini.output.exchange.mjcf_memory import check_memory
 from fantoccini.output.exchange.model_file import Element, ModelFile, read_model
 
 _MAX_COPIES = 10_000
@@ -67,14 +67,14 @@ def attached_models(file: ModelFile) -> tuple[ModelFile, ...]:
         ExchangeError: elements are copied too often, a model contains itself, or MuJoCo would need
             too much memory.
     """
-    sizes = _Sizes()
-    sizes.of_file(file)
+    sizes = _SizeCounter()
+    sizes.size_of(file)
     counts = (sizes.by_path[os.path.realpath(model.name)].elements for model in sizes.files)
-    refuse_large(zip(sizes.files, counts, strict=True))
+    check_memory(zip(sizes.files, counts, strict=True))
     return tuple(sizes.files[:-1])
 
 
-class _Sizes:
+class _SizeCounter:
     """Sizes of files, each determined once.
 
     Attributes:
@@ -88,7 +88,7 @@ class _Sizes:
         self.by_path: dict[str, _Size] = {}
         self.open_files: list[str] = []
 
-    def of_file(self, file: ModelFile) -> _Size:
+    def size_of(self, file: ModelFile) -> _Size:
         """Size of a file, including the models that it names."""
         real_path = os.path.realpath(file.name)
         if real_path in self.by_path:
@@ -96,37 +96,37 @@ class _Sizes:
         self.open_files.append(real_path)
         models = self._models(file)
         largest_model = max(models.values(), default=_Size(), key=lambda size: size.elements)
-        size, copies_of_ancestors, parts = _Size(), list[int](), _NamedParts()
+        size, copies_of_ancestors, named_parts = _Size(), list[int](), _NamedParts()
         for element in file.elements:
             del copies_of_ancestors[element.depth :]
             tag, attributes = element.tag, element.attributes
-            times = math.prod(copies_of_ancestors)  # number of copies of this element
-            parts.add(element, times, size.elements)
+            multiplicity = math.prod(copies_of_ancestors)  # number of copies of this element
+            named_parts.add(element, multiplicity, size.elements)
             count = _copy_count(file, element) if tag in _COPYING_TAGS else 1
             copies_of_ancestors.append(count)
-            size = size.plus(times, 0, 0, 1)
+            size = size.plus(multiplicity, 0, 0, 1)
             if tag in _COPYING_TAGS:
-                if times * count > _MAX_COPIES:
-                    text = f"copies its content {times * count} times; allowed: up to"
-                    raise file.mistake(f"{text} {_MAX_COPIES}", element.line, tag)
-                size = size.plus(times, count, 1, 0)
+                if multiplicity * count > _MAX_COPIES:
+                    text = f"copies its content {multiplicity * count} times; allowed: up to"
+                    raise file.error_at(f"{text} {_MAX_COPIES}", element.line, tag)
+                size = size.plus(multiplicity, count, 1, 0)
                 if tag != "replicate":
                     per_point = _ELEMENTS_PER_POINT if tag == "flexcomp" else 1
-                    size = size.plus(times, 0, 0, per_point * count)
+                    size = size.plus(multiplicity, 0, 0, per_point * count)
             elif tag == "model":
                 size = size.plus(1, 0, 1, 0)
                 size = size.plus(1, *models.get(attributes.get("name", ""), largest_model))
             elif tag == "attach":
-                n_inside = parts.elements(attributes, size.elements)
+                n_inside = named_parts.elements(attributes, size.elements)
                 if "model" in attributes:
                     n_inside = models.get(attributes["model"], largest_model).elements
-                size = size.plus(times, 1, 1, n_inside)
+                size = size.plus(multiplicity, 1, 1, n_inside)
             if size.work > _MAX_WORK:
                 text = (
                     "up to here, copying would take MuJoCo longer than about ten seconds "
                     f"({size.copies} copies, {size.elements} elements); reduce them"
                 )
-                raise file.mistake(text, element.line, tag)
+                raise file.error_at(text, element.line, tag)
         self.open_files.pop()
         self.by_path[real_path] = size
         self.files.append(file)
@@ -137,15 +137,18 @@ class _Sizes:
         sizes = dict[str, _Size]()
         for element in file.elements:
             file_name = element.attributes.get("file", "") if element.tag == "model" else ""
-            folders = (os.path.dirname(file.name), os.path.dirname(file.place(element.line)[0]))
+            folders = (
+                os.path.dirname(file.name),
+                os.path.dirname(file.file_and_line(element.line)[0]),
+            )
             name = find_file(file_name, *folders) if file_name else None
             if name is None:
                 continue  # MuJoCo reports the missing file
             if os.path.realpath(name) in self.open_files or len(self.open_files) > _MAX_MODEL_DEPTH:
                 text = f"{file_name[:100]!r} contains itself, or models are nested too deeply"
-                raise file.mistake(text, element.line, "model")
-            sizes[element.attributes.get("name", "")] = self.of_file(
-                _read(file, name, element.line)
+                raise file.error_at(text, element.line, "model")
+            sizes[element.attributes.get("name", "")] = self.size_of(
+                _read_attached(file, name, element.line)
             )
         return sizes
 
@@ -180,21 +183,21 @@ class _NamedParts:
         return 0  # no part is named
 
 
-def _read(file: ModelFile, name: str, line: int) -> ModelFile:
+def _read_attached(file: ModelFile, name: str, line: int) -> ModelFile:
     try:
         return with_includes(read_model(name))
     except ExchangeError as error:
-        raise file.mistake(f"names a model that cannot be read: {error}", line, "model") from None
+        raise file.error_at(f"names a model that cannot be read: {error}", line, "model") from None
 
 
 def _copy_count(file: ModelFile, element: Element) -> int:
     """Number of copies that an element makes of its content, or of points."""
     attributes, tag = element.attributes, element.tag
-    listed = max(len(attributes.get(key, "").split()) // 3 for key in ("point", "vertex"))
+    n_listed = max(len(attributes.get(key, "").split()) // 3 for key in ("point", "vertex"))
     if tag == "flexcomp" and attributes.get("type") in _TYPES_WITH_LISTED_POINTS:
-        return max(listed, _file_points(file, element), 1)
+        return max(n_listed, _file_points(file, element), 1)
     default = "10 10 10" if tag == "flexcomp" else ""
-    return max(_product(attributes.get("count", default)), listed)
+    return max(_product(attributes.get("count", default)), n_listed)
 
 
 def _file_points(file: ModelFile, element: Element) -> int:

@@ -22,7 +22,7 @@ from fantoccini.output.exchange.model_file import (
     read_elements,
 )
 
-_LISTS = (
+_ELEMENT_LISTS = (
     "bodies",
     "joints",
     "geoms",
@@ -69,58 +69,65 @@ def with_includes(file: ModelFile) -> ModelFile:
     _check_encoding(file, file.text)
     if not any(element.tag in ("include", "model") for element in file.elements):
         return file
-    reader = _Reader(file)
-    reader.add(file.elements, file.name, 0)
+    merger = _IncludeMerger(file)
+    merger.add(file.elements, file.name, 0)
     merged = replace(
         file,
-        elements=tuple(reader.elements),
-        origins=tuple(reader.origins),
-        others=tuple(reader.others),
+        elements=tuple(merger.elements),
+        origins=tuple(merger.origins),
+        included_files=tuple(merger.included_files),
     )
-    return replace(merged, text="".join(_lines(merged)).encode())
+    return replace(merged, text="".join(_xml_lines(merged)).encode())
 
 
 def asset_folders(file: ModelFile) -> list[str]:
     """Folders in which MuJoCo may search for meshes; those that a compiler element names first."""
-    first, *other_folders = (os.path.dirname(os.fspath(path)) for path in (file.path, *file.others))
-    below = ["", *(os.path.relpath(folder or ".", first or ".") for folder in other_folders)]
-    named = [
+    first_folder, *other_folders = (
+        os.path.dirname(os.fspath(path)) for path in (file.path, *file.included_files)
+    )
+    relative_folders = [
+        "",
+        *(os.path.relpath(folder or ".", first_folder or ".") for folder in other_folders),
+    ]
+    named_folders = [
         element.attributes[key]
         for element in file.elements
         if element.tag == "compiler"
         for key in ("meshdir", "assetdir")
         if key in element.attributes
     ]
-    places = (os.path.join(name, folder) for name in (*named, "") for folder in below)
-    return list(dict.fromkeys(os.path.join(first, place) for place in places))
+    candidates = (
+        os.path.join(name, folder) for name in (*named_folders, "") for folder in relative_folders
+    )
+    return list(dict.fromkeys(os.path.join(first_folder, candidate) for candidate in candidates))
 
 
 def find_file(name: str, *folders: str) -> str | None:
     """Path of a file in the first of the folders that contains it, as MuJoCo searches; or None."""
-    places = (os.path.join(folder, name) for folder in folders)
+    paths = (os.path.join(folder, name) for folder in folders)
     try:
-        return next((place for place in places if os.path.isfile(place)), None)
+        return next((path for path in paths if os.path.isfile(path)), None)
     except ValueError:  # an invalid file name
         return None
 
 
-def locate(mujoco: Any, file: ModelFile, spec: Any) -> None:
+def write_element_lines(mujoco: Any, file: ModelFile, spec: Any) -> None:
     """Writes the lines in the file's text into the elements of MuJoCo's specification."""
     try:
         shifted_spec = mujoco.MjSpec.from_string(_EMPTY_LINES * "\n" + file.text.decode())
     except (ValueError, RuntimeError, mujoco.FatalError):
         shifted_spec = None
-    for kind in _LISTS:
+    for kind in _ELEMENT_LISTS:
         elements = list(getattr(spec, kind, ()))
-        located = [] if shifted_spec is None else list(getattr(shifted_spec, kind, ()))
-        same_length = len(located) == len(elements)
+        shifted_elements = [] if shifted_spec is None else list(getattr(shifted_spec, kind, ()))
+        same_length = len(shifted_elements) == len(elements)
         for k, element in enumerate(elements):
-            match = _LINE.search(located[k].info) if same_length else None
+            match = _LINE.search(shifted_elements[k].info) if same_length else None
             line = int(match[2]) - _EMPTY_LINES if match else 0
             element.info = f"line {line}" if line > 0 else ""
 
 
-def line_of_mistake(mujoco: Any, file: ModelFile, message: str) -> int | None:
+def line_of_error(mujoco: Any, file: ModelFile, message: str) -> int | None:
     """Line, in the file's text, of an error message that MuJoCo gives for the file."""
     try:
         mujoco.MjSpec.from_string(_EMPTY_LINES * "\n" + file.text.decode())
@@ -131,7 +138,7 @@ def line_of_mistake(mujoco: Any, file: ModelFile, message: str) -> int | None:
     return None
 
 
-def with_line(message: str, line: int | None) -> str:
+def with_line_number(message: str, line: int | None) -> str:
     """The message with its line number replaced by `line`, or removed if that is None."""
     if line is None:
         return re.sub(r",? *\b[Ll]ine(?: number=| )\d+", "", message)
@@ -143,23 +150,23 @@ def _check_encoding(file: ModelFile, text: bytes) -> None:
         text.decode()
     except UnicodeDecodeError as error:
         line = text.count(b"\n", 0, error.start) + 1
-        raise file.mistake("is not UTF-8, which MuJoCo needs", line) from None
+        raise file.error_at("is not UTF-8, which MuJoCo needs", line) from None
 
 
-class _Reader:
+class _IncludeMerger:
     """Merger of the elements of included files at the places of their inclusion.
 
     Attributes:
         elements: elements of all files.
         origins: file and line of each element.
-        others: included files.
+        included_files: included files.
     """
 
     def __init__(self, file: ModelFile):
         self.file, self.folder = file, os.path.dirname(file.name)
         self.elements: list[Element] = []
         self.origins: list[tuple[str, int]] = []
-        self.others: list[Path] = []
+        self.included_files: list[Path] = []
         self.size = len(file.text)
         self.real_paths = {os.path.realpath(file.name)}
 
@@ -171,42 +178,44 @@ class _Reader:
                 self.elements.append(replace(element, line=line, depth=depth))
                 self.origins.append((name, element.line))
                 continue
-            inner, path = self._included(element, name, depth)
-            self.add(tuple(inner[1:]), path, depth - 1)
+            included_elements, path = self._read_included(element, name, depth)
+            self.add(tuple(included_elements[1:]), path, depth - 1)
 
-    def _included(self, include: Element, name: str, depth: int) -> tuple[list[Element], str]:
-        def fail(message: str) -> Exception:
-            located = replace(self.file, name=name, origins=())
-            return located.mistake(message, include.line, "include")
+    def _read_included(self, include: Element, name: str, depth: int) -> tuple[list[Element], str]:
+        def make_error(message: str) -> Exception:
+            including_file = replace(self.file, name=name, origins=())
+            return including_file.error_at(message, include.line, "include")
 
         file_name = include.attributes.get("file", "")
         path = find_file(file_name, self.folder, os.path.dirname(name)) if file_name else None
         if path is None:
-            raise fail(
+            raise make_error(
                 f"found no file {file_name[:100]!r} beside the model's first file or this file"
             )
         real_path = os.path.realpath(path)
         if real_path in self.real_paths:
-            raise fail(f"{file_name[:100]!r} is included already; a file is included once")
+            raise make_error(f"{file_name[:100]!r} is included already; a file is included once")
         self.real_paths.add(real_path)
         if depth > MAX_DEPTH:
-            raise fail(f"nested deeper than {MAX_DEPTH} levels")
+            raise make_error(f"nested deeper than {MAX_DEPTH} levels")
         if len(self.real_paths) > _MAX_FILES:
-            raise fail(f"includes too many files; allowed: {_MAX_FILES} files in all")
-        if include.inside:
-            raise fail("has elements inside, which MuJoCo refuses; put them before or after it")
-        text, inner = read_elements(path)
+            raise make_error(f"includes too many files; allowed: {_MAX_FILES} files in all")
+        if include.child_tags:
+            raise make_error(
+                "has elements inside, which MuJoCo refuses; put them before or after it"
+            )
+        text, included_elements = read_elements(path)
         _check_encoding(replace(self.file, name=path, origins=()), text)
         self.size += len(text)
         if self.size > MAX_BYTES:
-            raise fail(f"all files together are larger than {MAX_BYTES / 1e6:g} MB")
-        if len(inner) == 1:
-            raise fail(f"{file_name[:100]!r} has no elements, which MuJoCo refuses")
-        self.others.append(Path(path))
-        return inner, path
+            raise make_error(f"all files together are larger than {MAX_BYTES / 1e6:g} MB")
+        if len(included_elements) == 1:
+            raise make_error(f"{file_name[:100]!r} has no elements, which MuJoCo refuses")
+        self.included_files.append(Path(path))
+        return included_elements, path
 
 
-def _lines(file: ModelFile) -> list[str]:
+def _xml_lines(file: ModelFile) -> list[str]:
     """Lines of XML, one per element; paths of attached models and flexcomps become absolute.
 
     MuJoCo reads these files immediately; those of meshes are not needed for the lines.
@@ -214,12 +223,12 @@ def _lines(file: ModelFile) -> list[str]:
     lines, open_tags = list[str](), list[str]()
     assets = asset_folders(file)
     for element, (origin, _) in zip(file.elements, file.origins, strict=True):
-        end = "".join(f"</{tag}>" for tag in reversed(open_tags[element.depth :]))
+        closing_tags = "".join(f"</{tag}>" for tag in reversed(open_tags[element.depth :]))
         del open_tags[element.depth :]
         attributes = dict(element.attributes)
         if element.tag in ("model", "flexcomp") and "file" in attributes:
-            beside = os.path.dirname(file.name), os.path.dirname(origin)
-            folders = beside if element.tag == "model" else assets
+            file_folders = os.path.dirname(file.name), os.path.dirname(origin)
+            folders = file_folders if element.tag == "model" else assets
             attributes["file"] = os.path.abspath(
                 find_file(attributes["file"], *folders) or attributes["file"]
             )
@@ -227,7 +236,7 @@ def _lines(file: ModelFile) -> list[str]:
             attributes.setdefault("data", "".join(element.characters))
         pairs = "".join(f" {key}={quoteattr(value)}" for key, value in attributes.items())
         if lines:
-            lines[-1] += end + "\n"
+            lines[-1] += closing_tags + "\n"
         lines.append(f"<{element.tag}{pairs}>")
         open_tags.append(element.tag)
     return [*lines, "".join(f"</{tag}>" for tag in reversed(open_tags))]

@@ -36,29 +36,29 @@ _PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _IMAGE_KEYS = ("file", "fileright", "fileleft", "fileup", "filedown", "filefront", "fileback")
 
 
-def refuse_large(files: Iterable[tuple[ModelFile, int]]) -> None:
+def check_memory(files: Iterable[tuple[ModelFile, int]]) -> None:
     """Raises ExchangeError if MuJoCo would need too much memory.
 
     Args:
         files: the model and the files that it attaches, each with its number of elements.
     """
     total = 0.0
-    for file, elements in files:
+    for file, n_elements in files:
         defaults = dict[str, dict[str, str]]()
-        ranges = any(element.tag == "rangefinder" for element in file.elements)
+        has_rangefinders = any(element.tag == "rangefinder" for element in file.elements)
         for element, is_default in _with_defaults(file):
             if is_default:
                 _merge_default(defaults.setdefault(element.tag, {}), element)
                 continue
             attributes = {**defaults.get(element.tag, {}), **element.attributes}
-            need = _memory(file, element, attributes, elements, ranges)
-            total += need
+            n_bytes = _element_bytes(file, element, attributes, n_elements, has_rangefinders)
+            total += n_bytes
             if total > _MAX_BYTES:
                 text = (
-                    f"MuJoCo would need {need / 1e6:,.0f} MB for it, {total / 1e6:,.0f} MB up to "
-                    f"this line; allowed: {_MAX_BYTES / 1e6:,.0f} MB. Make it smaller"
+                    f"MuJoCo would need {n_bytes / 1e6:,.0f} MB for it, {total / 1e6:,.0f} MB up "
+                    f"to this line; allowed: {_MAX_BYTES / 1e6:,.0f} MB. Make it smaller"
                 )
-                raise file.mistake(text, element.line, element.tag)
+                raise file.error_at(text, element.line, element.tag)
 
 
 def _with_defaults(file: ModelFile) -> Iterator[tuple[Element, bool]]:
@@ -71,47 +71,56 @@ def _with_defaults(file: ModelFile) -> Iterator[tuple[Element, bool]]:
     yield from sorted(flagged, key=lambda pair: not pair[1])
 
 
-def _merge_default(widest: dict[str, str], element: Element) -> None:
+def _merge_default(largest: dict[str, str], element: Element) -> None:
     """Merges a default's attributes, keeping the largest number of each over all classes."""
     for key, text in element.attributes.items():
-        if key not in widest or max(_numbers(text)) > max(_numbers(widest[key])):
-            widest[key] = text
+        if key not in largest or max(_numbers(text)) > max(_numbers(largest[key])):
+            largest[key] = text
 
 
-def _memory(
-    file: ModelFile, element: Element, attributes: dict[str, str], elements: int, ranges: bool
+def _element_bytes(
+    file: ModelFile,
+    element: Element,
+    attributes: dict[str, str],
+    n_elements: int,
+    has_rangefinders: bool,
 ) -> float:
-    """Memory for an element with its attributes [bytes]; `ranges`: the model has rangefinders."""
+    """Memory for an element with its attributes [bytes].
+
+    ``has_rangefinders``: whether the model has rangefinders.
+    """
 
     def values_of(key: str) -> list[float]:
         return _numbers(attributes.get(key, ""))
 
-    need = _SAMPLE_BYTES * values_of("nsample")[0] + _NUMBER_BYTES * values_of("actdim")[0]
+    n_bytes = _SAMPLE_BYTES * values_of("nsample")[0] + _NUMBER_BYTES * values_of("actdim")[0]
     match element.tag:
         case "size":
             user = sum(_numbers(x)[0] for key, x in attributes.items() if key.startswith("nuser_"))
-            need += _NUMBER_BYTES * (values_of("nuserdata")[0] + user * elements)
-            need += _KEYFRAME_BYTES * values_of("nkey")[0] * elements
+            n_bytes += _NUMBER_BYTES * (values_of("nuserdata")[0] + user * n_elements)
+            n_bytes += _KEYFRAME_BYTES * values_of("nkey")[0] * n_elements
         case "key":
-            need += _KEYFRAME_BYTES * elements
+            n_bytes += _KEYFRAME_BYTES * n_elements
         case "texture":
             width, height = values_of("width")[0], values_of("height")[0]
             is_flat = element.attributes.get("type") == "2d"
             faces = 0.0 if is_flat else 6.0 * max(width, height / 6.0) ** 2
-            need += _PIXEL_BYTES * (max(width * height, faces) + _pixels(file, attributes))
+            n_bytes += _PIXEL_BYTES * (max(width * height, faces) + _pixels(file, attributes))
         case "hfield":
-            need += _HEIGHT_BYTES * (
+            n_bytes += _HEIGHT_BYTES * (
                 values_of("nrow")[0] * values_of("ncol")[0] + _pixels(file, attributes)
             )
         case "mesh" if "builtin" in attributes:
-            need += _CORNER_BYTES * max(values_of("params")) ** 2
+            n_bytes += _CORNER_BYTES * max(values_of("params")) ** 2
         case "flexcomp":
-            need += _CELL_BYTES * math.prod(max(n, 1.0) for n in values_of("cellcount"))
+            n_bytes += _CELL_BYTES * math.prod(max(n, 1.0) for n in values_of("cellcount"))
         case "camera":
-            need += _NUMBER_BYTES * math.prod(values_of("resolution")) if ranges else 0.0
+            n_bytes += (
+                _NUMBER_BYTES * math.prod(values_of("resolution")) if has_rangefinders else 0.0
+            )
         case "user" | "contact":
-            need += _NUMBER_BYTES * (values_of("dim")[0] + 10.0 * values_of("num")[0])
-    return need
+            n_bytes += _NUMBER_BYTES * (values_of("dim")[0] + 10.0 * values_of("num")[0])
+    return n_bytes
 
 
 def _pixels(file: ModelFile, attributes: dict[str, str]) -> float:
@@ -120,9 +129,9 @@ def _pixels(file: ModelFile, attributes: dict[str, str]) -> float:
     if not names:
         return 0.0
     folders = asset_folders(file)
-    first = os.path.dirname(os.fspath(file.path))
+    first_folder = os.path.dirname(os.fspath(file.path))
     folders += [
-        os.path.join(first, element.attributes["texturedir"])
+        os.path.join(first_folder, element.attributes["texturedir"])
         for element in file.elements
         if "texturedir" in element.attributes
     ]
@@ -130,9 +139,9 @@ def _pixels(file: ModelFile, attributes: dict[str, str]) -> float:
     for name in names:
         path = find_file(name, *folders) or find_file(os.path.basename(name), *folders)
         with suppress(OSError), open(path or "", "rb") as image:
-            head = image.read(len(_PNG_SIGNATURE) + 16)
-            if head.startswith(_PNG_SIGNATURE) and len(head) == len(_PNG_SIGNATURE) + 16:
-                count += math.prod(struct.unpack(">II", head[-8:]))
+            header = image.read(len(_PNG_SIGNATURE) + 16)
+            if header.startswith(_PNG_SIGNATURE) and len(header) == len(_PNG_SIGNATURE) + 16:
+                count += math.prod(struct.unpack(">II", header[-8:]))
     return count
 
 

@@ -23,8 +23,8 @@ ROOTS = {"mujoco": "MJCF", "robot": "URDF"}
 
 XACRO = "xacro:"
 """Prefix of xacro tags."""
-_DECLARED = (f"{XACRO}arg", f"{XACRO}macro", f"{XACRO}property")
-_SOLID_TAGS = ("visual", "collision", "material")
+_DECLARATION_TAGS = (f"{XACRO}arg", f"{XACRO}macro", f"{XACRO}property")
+_LINK_CONTENT_TAGS = ("visual", "collision", "material")
 
 _MODEL_TAGS = ("link", "joint", "material")
 """Elements directly inside a robot that are part of it."""
@@ -38,8 +38,8 @@ class Element:
         tag, attributes: tag and attributes.
         line: 1-based line.
         depth: level of nesting; 0 for the first element.
-        inside: tags of the elements directly inside.
-        known: whether it is part of the model, not of another program's extension.
+        child_tags: tags of the elements directly inside.
+        in_model: whether it is part of the model, not of another program's extension.
         characters: texts of its CDATA sections.
     """
 
@@ -47,8 +47,8 @@ class Element:
     attributes: dict[str, str]
     line: int
     depth: int
-    inside: set[str]
-    known: bool
+    child_tags: set[str]
+    in_model: bool
     characters: list[str]
 
 
@@ -64,7 +64,7 @@ class ModelFile:
         elements: all elements, in order; their lines refer to ``text``.
         origins: original file, as a user would name it, and line of each line of ``text``; empty
             without included files.
-        others: files that it includes.
+        included_files: files that it includes.
     """
 
     name: str
@@ -73,14 +73,14 @@ class ModelFile:
     text: bytes
     elements: tuple[Element, ...]
     origins: tuple[tuple[str, int], ...] = ()
-    others: tuple[Path, ...] = ()
+    included_files: tuple[Path, ...] = ()
 
     @cached_property
     def _lines(self) -> dict[tuple[str, str], int]:
         lines: dict[tuple[str, str], int] = {}
         for element in self.elements:
             key = element.tag, element.attributes.get("name", "")
-            if element.known:
+            if element.in_model:
                 lines.setdefault(key, element.line)
         return lines
 
@@ -88,15 +88,15 @@ class ModelFile:
         """Line of the first element with this tag and name."""
         return self._lines.get((tag, name))
 
-    def place(self, line: int | None) -> tuple[str, int | None]:
+    def file_and_line(self, line: int | None) -> tuple[str, int | None]:
         """Original file and line of a line of ``text``."""
         if line and line <= len(self.origins):
             return self.origins[line - 1]
         return self.name, None if self.origins else line or None
 
-    def mistake(self, message: str, line: int | None = None, key: str = "") -> ExchangeError:
+    def error_at(self, message: str, line: int | None = None, key: str = "") -> ExchangeError:
         """Error at a line of ``text``."""
-        return ExchangeError([Mistake(*self.place(line), key, message)])
+        return ExchangeError([Mistake(*self.file_and_line(line), key, message)])
 
 
 def read_model(path: str | os.PathLike[str]) -> ModelFile:
@@ -107,20 +107,20 @@ def read_model(path: str | os.PathLike[str]) -> ModelFile:
     """
     name = os.fspath(path)
     text, elements = read_elements(name)
-    first = elements[0]
+    root = elements[0]
 
-    def fail(message: str, line: int) -> ExchangeError:
+    def make_error(message: str, line: int) -> ExchangeError:
         return ExchangeError([Mistake(name, line, "", message)])
 
-    if first.tag not in ROOTS:
+    if root.tag not in ROOTS:
         needed = "needed: <mujoco> (MJCF) or <robot> (URDF)"
-        raise fail(f"begins with <{first.tag[:60]}>; {needed}", first.line)
-    for element in _macros(elements):
-        raise fail("found a macro of xacro; run xacro on the file first", element.line)
-    return ModelFile(name, Path(name), first.tag, text, tuple(elements))
+        raise make_error(f"begins with <{root.tag[:60]}>; {needed}", root.line)
+    for element in _unexpanded_macros(elements):
+        raise make_error("found a macro of xacro; run xacro on the file first", element.line)
+    return ModelFile(name, Path(name), root.tag, text, tuple(elements))
 
 
-def _macros(elements: list[Element]) -> Iterator[Element]:
+def _unexpanded_macros(elements: list[Element]) -> Iterator[Element]:
     """Unexpanded xacro elements that may stand for a part of a robot, or of another model.
 
     Declarations and elements inside a solid or an extension do not.
@@ -128,11 +128,12 @@ def _macros(elements: list[Element]) -> Iterator[Element]:
     ancestors: list[Element] = []
     for element in elements:
         del ancestors[element.depth :]
-        inside = ROOTS.get(ancestors[0].tag) == "URDF" if ancestors else False
-        harmless = inside and (
-            element.tag in _DECLARED
+        in_robot = ROOTS.get(ancestors[0].tag) == "URDF" if ancestors else False
+        harmless = in_robot and (
+            element.tag in _DECLARATION_TAGS
             or any(
-                a.tag in _SOLID_TAGS or a.tag.startswith(XACRO) or not a.known for a in ancestors
+                a.tag in _LINK_CONTENT_TAGS or a.tag.startswith(XACRO) or not a.in_model
+                for a in ancestors
             )
         )
         if element.tag.startswith(XACRO) and not harmless:
@@ -147,61 +148,72 @@ def read_elements(name: str) -> tuple[bytes, list[Element]]:
         ExchangeError: the file cannot be read, or is not XML.
     """
 
-    def fail(message: str, line: int | None = None) -> ExchangeError:
+    def make_error(message: str, line: int | None = None) -> ExchangeError:
         return ExchangeError([Mistake(name, line, "", message)])
 
     try:
-        place = Path(name)
-        if not place.is_file():
-            kind = "a folder" if place.is_dir() else "nothing" if not place.exists() else "no file"
-            raise fail(f"found {kind} here; a file in MJCF or URDF is needed")
-        with place.open("rb") as stream:
+        file_path = Path(name)
+        if not file_path.is_file():
+            found_kind = (
+                "a folder"
+                if file_path.is_dir()
+                else "nothing"
+                if not file_path.exists()
+                else "no file"
+            )
+            raise make_error(f"found {found_kind} here; a file in MJCF or URDF is needed")
+        with file_path.open("rb") as stream:
             text = stream.read(MAX_BYTES + 1)
-    except (OSError, ValueError) as reason:
-        raise fail(f"cannot be read: {getattr(reason, 'strerror', None) or reason}") from None
+    except (OSError, ValueError) as error:
+        raise make_error(f"cannot be read: {getattr(error, 'strerror', None) or error}") from None
     if len(text) > MAX_BYTES:
-        raise fail(f"larger than {MAX_BYTES / 1e6:g} MB, which is the limit")
+        raise make_error(f"larger than {MAX_BYTES / 1e6:g} MB, which is the limit")
     elements: list[Element] = []
     open_elements: list[Element] = []
     parser = expat.ParserCreate()
 
-    def begin(tag: str, attributes: dict[str, str]) -> None:
+    def handle_start(tag: str, attributes: dict[str, str]) -> None:
         if len(open_elements) > MAX_DEPTH:
             message = f"nested deeper than {MAX_DEPTH} levels"
-            raise fail(message, parser.CurrentLineNumber)
+            raise make_error(message, parser.CurrentLineNumber)
         parent = open_elements[-1] if open_elements else None
-        known = parent is None or (parent.known and (parent.tag != "robot" or tag in _MODEL_TAGS))
+        in_model = parent is None or (
+            parent.in_model and (parent.tag != "robot" or tag in _MODEL_TAGS)
+        )
         if parent is not None:
-            parent.inside.add(tag)
+            parent.child_tags.add(tag)
         line, depth = parser.CurrentLineNumber, len(open_elements)
-        element = Element(tag, attributes, line, depth, set(), known, [])
+        element = Element(tag, attributes, line, depth, set(), in_model, [])
         elements.append(element)
         open_elements.append(element)
 
-    def begin_data() -> None:
+    def handle_data_start() -> None:
         parser.CharacterDataHandler = open_elements[-1].characters.append
 
-    def end_data() -> None:
+    def handle_data_end() -> None:
         parser.CharacterDataHandler = None
 
-    def refuse(*_: object) -> None:
+    def refuse_doctype(*_: object) -> None:
         message = "found a document type declaration; take it out: entities are not read"
-        raise fail(message, parser.CurrentLineNumber)
+        raise make_error(message, parser.CurrentLineNumber)
 
-    parser.StartElementHandler, parser.StartDoctypeDeclHandler = begin, refuse
+    parser.StartElementHandler, parser.StartDoctypeDeclHandler = handle_start, refuse_doctype
     parser.EndElementHandler = lambda _: open_elements.pop()
-    parser.StartCdataSectionHandler, parser.EndCdataSectionHandler = begin_data, end_data
+    parser.StartCdataSectionHandler, parser.EndCdataSectionHandler = (
+        handle_data_start,
+        handle_data_end,
+    )
     try:
         parser.Parse(text, True)
-    except expat.ExpatError as reason:
-        message = expat.errors.messages[reason.code]
-        raise fail(f"is not XML: {message}", reason.lineno) from None
-    except ValueError as reason:  # an unknown encoding
-        raise fail(f"is not XML: {reason}") from None
+    except expat.ExpatError as error:
+        message = expat.errors.messages[error.code]
+        raise make_error(f"is not XML: {message}", error.lineno) from None
+    except ValueError as error:  # an unknown encoding
+        raise make_error(f"is not XML: {error}") from None
     return text, elements
 
 
-def line_in(message: str) -> int | None:
+def line_in_message(message: str) -> int | None:
     """Line that a message of MuJoCo names; None without one."""
     match = re.search(r"\b[Ll]ine(?: number=| )(\d+)", message)
     return int(match[1]) or None if match else None

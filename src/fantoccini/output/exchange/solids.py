@@ -10,7 +10,7 @@ import numpy as np
 from fantoccini.base import Array, Indices, Quaternion
 from fantoccini.model.meshes import LIMITS
 from fantoccini.model.puppet import QUANTITIES
-from fantoccini.output.exchange.draft import Draft, number, numbers, pose_keys
+from fantoccini.output.exchange.draft import Draft, pose_keys, written_number, written_numbers
 
 GREY = np.array([0.7, 0.7, 0.7, 1.0])
 """Default colour of solids."""
@@ -19,40 +19,53 @@ _SECTIONS = 32  # Sides of a cylinder's mesh
 _MIN_OPACITY = 1e-3  # Opacity above which a solid is visible
 
 
-def box(edges: Array, at: Array, orientation: Quaternion) -> dict[str, Any]:
+def box(edge_lengths: Array, position: Array, orientation: Quaternion) -> dict[str, Any]:
     """Box with given edges [m]."""
-    return {"type": "box", "size": numbers(edges), **pose_keys(at, orientation)}
+    return {
+        "type": "box",
+        "size": written_numbers(edge_lengths),
+        **pose_keys(position, orientation),
+    }
 
 
-def sphere(radius: float, at: Array) -> dict[str, Any]:
+def sphere(radius: float, position: Array) -> dict[str, Any]:
     """Sphere with given radius [m]."""
-    return {"type": "sphere", "radius": number(radius), **pose_keys(at)}
+    return {"type": "sphere", "radius": written_number(radius), **pose_keys(position)}
 
 
-def ellipsoid(radii: Array, at: Array, orientation: Quaternion) -> dict[str, Any]:
+def ellipsoid(radii: Array, position: Array, orientation: Quaternion) -> dict[str, Any]:
     """Ellipsoid with given half axes [m]."""
-    return {"type": "ellipsoid", "radii": numbers(radii), **pose_keys(at, orientation)}
+    return {
+        "type": "ellipsoid",
+        "radii": written_numbers(radii),
+        **pose_keys(position, orientation),
+    }
 
 
-def capsule(radius: float, half_length: float, at: Array, axis: Array) -> dict[str, Any]:
-    """Capsule centred at ``at``, with its axis along the unit vector ``axis`` [m]."""
-    ends = {"from": numbers(at - half_length * axis), "to": numbers(at + half_length * axis)}
-    return {"type": "capsule", **ends, "radius": number(radius)}
+def capsule(radius: float, half_length: float, position: Array, axis: Array) -> dict[str, Any]:
+    """Capsule centred at ``position``, with its axis along the unit vector ``axis`` [m]."""
+    ends = {
+        "from": written_numbers(position - half_length * axis),
+        "to": written_numbers(position + half_length * axis),
+    }
+    return {"type": "capsule", **ends, "radius": written_number(radius)}
 
 
 def cylinder(
-    draft: Draft, radius: float, length: float, at: Array, orientation: Quaternion
+    draft: Draft, radius: float, length: float, position: Array, orientation: Quaternion
 ) -> dict[str, Any]:
     """Cylinder along z, as a mesh with 32 sides; all cylinders of a puppet share one file."""
-    scale = numbers([radius, radius, length])
-    return mesh(draft, ("cylinder",), cylinder_stl, at, orientation, "cylinder") | {"scale": scale}
+    scale = written_numbers([radius, radius, length])
+    return mesh(draft, ("cylinder",), cylinder_stl, position, orientation, "cylinder") | {
+        "scale": scale
+    }
 
 
 def mesh(
     draft: Draft,
     key: Hashable,
     make_content: Callable[[], bytes],
-    at: Array,
+    position: Array,
     orientation: Quaternion,
     stem: str,
     suffix: str = "stl",
@@ -63,13 +76,13 @@ def mesh(
         draft: puppet that is being built from the model.
         key: key that identifies the mesh in the model.
         make_content: function that returns the file's content.
-        at: (3,) position [m].
+        position: (3,) position [m].
         orientation: (4,) w, x, y, z.
         stem, suffix: name of the file, without the dot.
     """
     if key not in draft.mesh_paths:
         draft.mesh_paths[key] = draft.mesh(stem, make_content(), suffix)
-    return {"type": "mesh", "file": draft.mesh_paths[key], **pose_keys(at, orientation)}
+    return {"type": "mesh", "file": draft.mesh_paths[key], **pose_keys(position, orientation)}
 
 
 def stl(vertices: Array, faces: Array | Indices) -> bytes:
@@ -88,20 +101,20 @@ def ply(vertices: Array, faces: Array | Indices, colours: Array) -> bytes:
     import trimesh
 
     finite = np.isfinite(colours)
-    used, grey = np.unique(colours[finite.all(axis=1)], axis=0), GREY[:3]
-    if len(used) >= LIMITS.max_colours:
-        grey = used[np.argmin(np.linalg.norm(used - grey, axis=1))]
-    filled = np.where(finite, colours, grey)
+    used_colours, grey = np.unique(colours[finite.all(axis=1)], axis=0), GREY[:3]
+    if len(used_colours) >= LIMITS.max_colours:
+        grey = used_colours[np.argmin(np.linalg.norm(used_colours - grey, axis=1))]
+    face_colours = np.where(finite, colours, grey)
     triangles = trimesh.Trimesh(
         np.asarray(vertices, float),
         np.asarray(faces),
         process=False,
-        face_colors=np.round(255.0 * filled).astype(np.uint8),
+        face_colors=np.round(255.0 * face_colours).astype(np.uint8),
     )
     return bytes(triangles.export(file_type="ply"))
 
 
-def coloured(shape: dict[str, Any], rgba: Array) -> dict[str, Any]:
+def with_colour(shape: dict[str, Any], rgba: Array) -> dict[str, Any]:
     """The shape with a colour: red, green and blue, from 0 to 1."""
     r, g, b = (round(255 * min(max(float(c), 0.0), 1.0)) for c in rgba[:3])
     return shape | {"colour": f"#{r:02x}{g:02x}{b:02x}"}

@@ -14,7 +14,7 @@ from fantoccini.model.puppet import (
     load_mesh,
     shape_inertia,
 )
-from fantoccini.output.exchange.draft import Draft, inertia_data, numbers, sized
+from fantoccini.output.exchange.draft import Draft, inertia_data, number_or_zero, written_numbers
 
 DENSITY = 1000.0
 """Default density for links without inertia if a joint would move no mass [kg/m^3]: water."""
@@ -33,36 +33,38 @@ def add_masses(draft: Draft, links: dict[str, Any], density: float | None) -> No
     """
     if density is None and not _has_massless_joint(draft.bodies):
         return
-    with draft.shapes() as read:
+    with draft.shape_reader() as read_shape:
         for body in draft.bodies:
             if body["name"] not in links or "mass" in body or "inertia" in body:
                 continue
             link = links[body["name"]]
             line = draft.file.line_of("link", link.name)
-            solids = [_solid(shape) for shape in map(read, body.get("shapes", ())) if shape]
+            solids = [
+                _solid_inertia(shape) for shape in map(read_shape, body.get("shapes", ())) if shape
+            ]
             solid_density = DENSITY if density is None else density
-            text = _weigh(body, solid_density, [solid for solid in solids if solid[0] > 0.0])
-            if text and any(hull for *_, hull in solids):
+            text = _add_mass(body, solid_density, [solid for solid in solids if solid[0] > 0.0])
+            if text and any(from_hull for *_, from_hull in solids):
                 text += "; a mesh that is not closed counts as its convex hull"
             if text:
                 draft.note("link", link.name, text, line, body["name"])
 
 
-def _weigh(
+def _add_mass(
     body: dict[str, Any], density: float, solids: list[tuple[float, UnitInertia, bool]]
 ) -> str:
     """Adds mass, centre of mass and inertia to a body; returns the note, empty without mass."""
     volume = sum(v for v, *_ in solids)
-    if not sized(density * volume, "mass"):
+    if not number_or_zero(density * volume, "mass"):
         return ""
-    com = sum((v * unit.com for v, unit, _ in solids), np.zeros(3)) / volume
+    com = sum((v * unit_inertia.com for v, unit_inertia, _ in solids), np.zeros(3)) / volume
     inertia = np.zeros((3, 3))
-    for v, unit, _ in solids:
-        d = unit.com - com
-        inertia += density * v * (unit.inertia + d @ d * np.eye(3) - np.outer(d, d))
-    body["mass"] = sized(density * volume, "mass")
-    if any(place := numbers(com)):
-        body["com"] = place
+    for v, unit_inertia, _ in solids:
+        d = unit_inertia.com - com
+        inertia += density * v * (unit_inertia.inertia + d @ d * np.eye(3) - np.outer(d, d))
+    body["mass"] = number_or_zero(density * volume, "mass")
+    if any(com_position := written_numbers(com)):
+        body["com"] = com_position
     body["inertia"] = inertia_data(inertia)
     return (
         f"has no inertia: {density * volume:.4g} kg here, of its solids at {density:g} kg/m^3 "
@@ -70,11 +72,11 @@ def _weigh(
     )
 
 
-def _solid(shape: Shape) -> tuple[float, UnitInertia, bool]:
+def _solid_inertia(shape: Shape) -> tuple[float, UnitInertia, bool]:
     """Volume, inertia of unit mass, and whether they are those of the convex hull."""
     if not isinstance(shape, Mesh) or shape.read().closed:
-        volume, unit = shape_inertia(shape)
-        return volume if volume >= MIN_MESH_VOLUME else 0.0, unit, False
+        volume, unit_inertia = shape_inertia(shape)
+        return volume if volume >= MIN_MESH_VOLUME else 0.0, unit_inertia, False
     zero = UnitInertia(np.zeros(3), np.zeros((3, 3)))
     try:
         hull = load_mesh(shape).convex_hull

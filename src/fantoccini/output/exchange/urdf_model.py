@@ -15,16 +15,16 @@ from fantoccini.output.exchange.draft import (
     Draft,
     body_data,
     inertia_data,
-    number,
-    numbers,
+    number_or_zero,
     pose_keys,
-    sized,
+    written_number,
+    written_numbers,
 )
-from fantoccini.output.exchange.imported import Imported
+from fantoccini.output.exchange.imported import ImportedPuppet
 from fantoccini.output.exchange.model_file import XACRO, Element, ModelFile
 from fantoccini.output.exchange.urdf_masses import add_masses
 from fantoccini.output.exchange.urdf_shapes import add_shapes
-from fantoccini.output.exchange.urdf_text import SOLIDS, plain_urdf
+from fantoccini.output.exchange.urdf_text import SOLIDS, reduce_urdf
 
 _JOINT_TYPES = {
     "revolute": "revolute",
@@ -75,10 +75,10 @@ _REQUIRED_ATTRIBUTES = {
 }
 """Required attributes of elements; for links and joints only at the top level."""
 
-_ROUNDING = 1e-9
+_INERTIA_TOLERANCE = 1e-9
 """Relative error of a moment of inertia that a puppet file accepts as rounding."""
 
-_LEFT_OUT = {
+_OMITTED_TAGS = {
     "transmission": "left out: joints move freely",
     "gazebo": "left out",
     "ros2_control": "left out",
@@ -87,7 +87,7 @@ _LEFT_OUT = {
 """Elements without counterpart."""
 
 
-def urdf_puppet(file: ModelFile, density: float | None = None) -> Imported:
+def urdf_puppet(file: ModelFile, density: float | None = None) -> ImportedPuppet:
     """Converts a URDF file to a puppet file.
 
     Args:
@@ -98,28 +98,28 @@ def urdf_puppet(file: ModelFile, density: float | None = None) -> Imported:
         ExchangeError: the file is not URDF, or has something that no puppet can have.
         MissingLibraryError: yourdfpy is not installed.
     """
-    _check(file)
-    reduced = plain_urdf(file)
-    robot = _read(file, reduced.text)
+    _check_elements(file)
+    urdf_text = reduce_urdf(file)
+    robot = _parse_robot(file, urdf_text.text)
     draft = Draft(file, robot.name)
-    for name, message, line in reduced.left_out:
+    for name, message, line in urdf_text.left_out:
         draft.note("link", name, message, line)
-    converter = _Robot(draft, robot, reduced.capsules)
-    converter.add()
+    converter = _RobotConverter(draft, robot, urdf_text.capsules)
+    converter.add_bodies()
     links = {converter.names[link.name]: link for link in robot.links}
     add_masses(draft, links, density)
     for element in file.elements:
-        if element.depth == 1 and element.tag in _LEFT_OUT:
+        if element.depth == 1 and element.tag in _OMITTED_TAGS:
             name = element.attributes.get("name", element.attributes.get("reference", ""))
-            draft.note(element.tag, name, _LEFT_OUT[element.tag], element.line)
-    head = [
+            draft.note(element.tag, name, _OMITTED_TAGS[element.tag], element.line)
+    header = [
         f"{draft.name}: converted from the URDF file {file.path.name}.",
         "The first link is fixed to the world; give its body `joint: {type: free}` to release it.",
     ]
-    return draft.finish(head)
+    return draft.finish(header)
 
 
-class _Robot:
+class _RobotConverter:
     """Converter of a robot's links and joints to a puppet's bodies.
 
     Args:
@@ -132,33 +132,33 @@ class _Robot:
         self.draft, self.robot, self.file = draft, robot, draft.file
         self.capsules = capsules
         self.names: dict[str, str] = {}
-        inside = (v.material for link in robot.links for v in link.visuals)
+        visual_materials = (v.material for link in robot.links for v in link.visuals)
         self.materials: dict[str, Any] = {}
-        for material in (*robot.materials, *inside):
+        for material in (*robot.materials, *visual_materials):
             if material is None or not material.name:
                 continue  # it belongs to its visual only
             if material.color or material.texture:
                 self.materials.setdefault(material.name, material)
 
-    def add(self) -> None:
+    def add_bodies(self) -> None:
         """Adds all bodies. URDF has no strings."""
         links = {link.name: link for link in self.robot.links}
-        children = self._checked(links)
+        children = self._joints_by_child(links)
         roots = [link for name, link in links.items() if name not in children]
         for link in self.robot.links:
-            empty = link.inertial is None and not link.visuals and not link.collisions
-            if link.name == "world" and empty and link in roots:
+            is_empty = link.inertial is None and not link.visuals and not link.collisions
+            if link.name == "world" and is_empty and link in roots:
                 self.names["world"] = "world"
                 continue
             line = self.file.line_of("link", link.name)
             self.names[link.name] = self.draft.unique_name("link", link.name, line=line)
         for root in roots:
             if self.names[root.name] != "world":
-                self._body(root, {"name": self.names[root.name]})
+                self._add_body(root, {"name": self.names[root.name]})
         for joint in self.robot.joints:
-            self._joint(joint, links[joint.child])
+            self._add_joint(joint, links[joint.child])
 
-    def _checked(self, links: dict[str, Any]) -> dict[str, Any]:
+    def _joints_by_child(self, links: dict[str, Any]) -> dict[str, Any]:
         """Child -> its joint; raises ExchangeError if links and joints are not a tree."""
         mistakes: list[Mistake] = []
         joint_of: dict[str, Any] = {}
@@ -168,9 +168,11 @@ class _Robot:
             mistakes.append(Mistake(self.file.name, line, f"joint {joint.name}", text))
 
         for joint in self.robot.joints:
-            for end in (joint.parent, joint.child):
-                if end not in links:
-                    add_mistake(joint, f"no link is called {end!r}{nearest(str(end), links)}")
+            for link_name in (joint.parent, joint.child):
+                if link_name not in links:
+                    add_mistake(
+                        joint, f"no link is called {link_name!r}{nearest(str(link_name), links)}"
+                    )
             if joint.child in joint_of:
                 add_mistake(
                     joint, f"{joint.child!r} is carried by {joint_of[joint.child].name!r} already"
@@ -191,11 +193,11 @@ class _Robot:
             raise ExchangeError(mistakes)
         return joint_of
 
-    def _joint(self, joint: Any, link: Any) -> None:
+    def _add_joint(self, joint: Any, link: Any) -> None:
         line = self.file.line_of("joint", joint.name)
         name, parent_frame = self.names[link.name], self.names[joint.parent]
-        turn, r = _pose(joint.origin)
-        R = rotation.quaternion(turn)
+        rotation_matrix, position = _rotation_and_position(joint.origin)
+        orientation = rotation.quaternion(rotation_matrix)
         axis = np.asarray(joint.axis, float)
         if joint.type == "planar":
             for k, direction in enumerate(_perpendicular(axis, self.file, line)):
@@ -204,26 +206,30 @@ class _Robot:
                 slide = {
                     "type": "prismatic",
                     **name_key,
-                    "axis": numbers(direction),
-                    **pose_keys(r, R),
+                    "axis": written_numbers(direction),
+                    **pose_keys(position, orientation),
                 }
-                slide |= _damped(joint)
+                slide |= _damping_key(joint)
                 self.draft.bodies.append(body_data(frame, parent_frame, slide))
-                parent_frame, R, r = frame, np.eye(4)[0], np.zeros(3)
+                parent_frame, orientation, position = frame, np.eye(4)[0], np.zeros(3)
         joint_type = _JOINT_TYPES[joint.type]
         data: dict[str, Any] = {"type": joint_type}
         if joint_type != "fixed":
             data |= self.draft.joint_name(name, joint.name, line)
         if joint_type in ("revolute", "prismatic"):
             if not np.any(axis):
-                raise self.file.mistake("found an axis of zero length", line, f"joint {joint.name}")
-            data["axis"] = numbers(axis)
-        data |= pose_keys(r, R)
+                raise self.file.error_at(
+                    "found an axis of zero length", line, f"joint {joint.name}"
+                )
+            data["axis"] = written_numbers(axis)
+        data |= pose_keys(position, orientation)
         if joint_type != "fixed":
-            data |= self._passive(joint, joint_type, line, data.get("name", name))
-        self._body(link, body_data(name, parent_frame, data))
+            data |= self._passive_keys(joint, joint_type, line, data.get("name", name))
+        self._add_body(link, body_data(name, parent_frame, data))
 
-    def _passive(self, joint: Any, joint_type: str, line: int | None, part: str) -> dict[str, Any]:
+    def _passive_keys(
+        self, joint: Any, joint_type: str, line: int | None, part: str
+    ) -> dict[str, Any]:
         """Damping and limits of a joint; the report notes the rest."""
         data: dict[str, Any] = {}
 
@@ -231,13 +237,13 @@ class _Robot:
             self.draft.note("joint", joint.name, text, line, part)
 
         dynamics, limit = joint.dynamics, joint.limit
-        data |= _damped(joint)
+        data |= _damping_key(joint)
         if dynamics is not None and float(dynamics.friction or 0.0):
             note("has friction, left out")
         if limit is not None and joint.type in ("revolute", "prismatic"):
             low, high = (float(x or 0.0) for x in (limit.lower, limit.upper))
             if low < high:
-                data["limits"] = {"lower": number(low), "upper": number(high)}
+                data["limits"] = {"lower": written_number(low), "upper": written_number(high)}
             else:
                 note(f"has the limits {low:g} and {high:g}, left out")
         if limit is not None and (limit.effort or limit.velocity):
@@ -248,15 +254,15 @@ class _Robot:
             note("has a safety controller, left out")
         return data
 
-    def _body(self, link: Any, data: dict[str, Any]) -> None:
+    def _add_body(self, link: Any, data: dict[str, Any]) -> None:
         """Adds the body of a link, with inertia and shapes."""
         inertial = link.inertial
         if inertial is not None:
-            R, r = _pose(inertial.origin)
+            R, r = _rotation_and_position(inertial.origin)
             inertia = np.zeros((3, 3)) if inertial.inertia is None else inertial.inertia
-            if mass := sized(inertial.mass or 0.0, "mass"):
+            if mass := number_or_zero(inertial.mass or 0.0, "mass"):
                 data["mass"] = mass
-                if any(com := numbers(r)):
+                if any(com := written_numbers(r)):
                     data["com"] = com
             if inertial.mass or np.any(inertia):
                 data["inertia"] = inertia_data(
@@ -273,10 +279,13 @@ class _Robot:
         """
         line = self.file.line_of("link", link)
         (a, b, c), axes = np.linalg.eigh(inertia)
-        small, products = _ROUNDING * max(abs(c), abs(a)), inertia - np.diag(np.diag(inertia))
-        if a + b >= c - small and a >= -small:
+        tolerance, products = (
+            _INERTIA_TOLERANCE * max(abs(c), abs(a)),
+            inertia - np.diag(np.diag(inertia)),
+        )
+        if a + b >= c - tolerance and a >= -tolerance:
             return inertia
-        if a <= small and np.any(products) and np.all(np.diag(inertia) > 0.0):
+        if a <= tolerance and np.any(products) and np.all(np.diag(inertia) > 0.0):
             text = "has products of inertia that no solid has; here it has its moments alone"
             self.draft.note("link", link, text, line, part)
             return self._physical_inertia(np.diag(np.diag(inertia)), link, part)
@@ -291,13 +300,13 @@ class _Robot:
         return reduced
 
 
-def _damped(joint: Any) -> dict[str, Any]:
+def _damping_key(joint: Any) -> dict[str, Any]:
     """Key ``damping`` of a joint with damping; for a planar joint, of each coordinate."""
     damping = 0.0 if joint.dynamics is None else float(joint.dynamics.damping or 0.0)
-    return {"damping": value} if (value := sized(damping, "damping")) else {}
+    return {"damping": value} if (value := number_or_zero(damping, "damping")) else {}
 
 
-def _read(file: ModelFile, text: bytes) -> Any:
+def _parse_robot(file: ModelFile, text: bytes) -> Any:
     """Robot of yourdfpy for a text."""
     yourdfpy, log = _library(), logging.getLogger("yourdfpy.urdf")
     level = log.level
@@ -308,7 +317,7 @@ def _read(file: ModelFile, text: bytes) -> Any:
         ).robot
     except Exception as reason:  # yourdfpy raises any error of its parsing
         message = f"yourdfpy cannot read it: {type(reason).__name__}: {reason}"
-        raise file.mistake(message[:500]) from None
+        raise file.error_at(message[:500]) from None
     finally:
         log.setLevel(level)
 
@@ -321,7 +330,7 @@ def _library() -> ModuleType:
     return yourdfpy
 
 
-def _check(file: ModelFile) -> None:
+def _check_elements(file: ModelFile) -> None:
     """Raises ExchangeError for missing attributes, invalid numbers and repeated names."""
     mistakes: list[Mistake] = []
     first_lines: dict[tuple[str, str], int] = {}
@@ -332,40 +341,42 @@ def _check(file: ModelFile) -> None:
     for element in file.elements:
         tag, attributes = element.tag, element.attributes
         required_here = element.depth == 1 or tag not in ("link", "joint")
-        for key in _REQUIRED_ATTRIBUTES.get(tag, ()) if required_here and element.known else ():
+        for key in _REQUIRED_ATTRIBUTES.get(tag, ()) if required_here and element.in_model else ():
             if key not in attributes:
                 add_mistake(element, f"{key} is missing")
         if element.depth == 1 and tag in ("link", "joint") and "name" in attributes:
-            first = first_lines.setdefault((tag, attributes["name"]), element.line)
-            if first != element.line:
-                add_mistake(element, f"{attributes['name']!r} occurs already, in line {first}")
-            for end in ("parent", "child") if tag == "joint" else ():
-                if end not in element.inside:
-                    add_mistake(element, f"<{end}> is missing")
-        inside = {name for name in element.inside if not name.startswith(XACRO)}
-        if tag == "geometry" and element.known and inside and len(inside & SOLIDS) != 1:
-            listed = ", ".join(sorted(inside))
-            add_mistake(element, f"found {listed[:60]}; needed: one of {', '.join(sorted(SOLIDS))}")
+            first_line = first_lines.setdefault((tag, attributes["name"]), element.line)
+            if first_line != element.line:
+                add_mistake(element, f"{attributes['name']!r} occurs already, in line {first_line}")
+            for end_tag in ("parent", "child") if tag == "joint" else ():
+                if end_tag not in element.child_tags:
+                    add_mistake(element, f"<{end_tag}> is missing")
+        solid_tags = {name for name in element.child_tags if not name.startswith(XACRO)}
+        if tag == "geometry" and element.in_model and solid_tags and len(solid_tags & SOLIDS) != 1:
+            tag_names = ", ".join(sorted(solid_tags))
+            add_mistake(
+                element, f"found {tag_names[:60]}; needed: one of {', '.join(sorted(SOLIDS))}"
+            )
         for key, text in attributes.items():
-            sizes = _VALUE_COUNTS.get((tag, key))
-            spaced = text.replace(",", " ") if tag in ("box", "mesh") else text
-            if sizes and element.known and not _are_numbers(spaced, sizes):
-                count = " or ".join(map(str, sizes))
-                needed = f"{count} finite number{'' if sizes == (1,) else 's'}"
+            allowed_counts = _VALUE_COUNTS.get((tag, key))
+            separated = text.replace(",", " ") if tag in ("box", "mesh") else text
+            if allowed_counts and element.in_model and not _are_numbers(separated, allowed_counts):
+                count = " or ".join(map(str, allowed_counts))
+                needed = f"{count} finite number{'' if allowed_counts == (1,) else 's'}"
                 add_mistake(element, f"{key}: found {text[:60]!r}; needed: {needed}")
     if mistakes:
         raise ExchangeError(mistakes)
 
 
-def _are_numbers(text: str, sizes: tuple[int, ...]) -> bool:
+def _are_numbers(text: str, allowed_counts: tuple[int, ...]) -> bool:
     try:
         values = [float(x) for x in text.split()]
     except ValueError:
         return False
-    return len(values) in sizes and all(map(math.isfinite, values))
+    return len(values) in allowed_counts and all(map(math.isfinite, values))
 
 
-def _pose(origin: Array | None) -> tuple[Array, Array]:
+def _rotation_and_position(origin: Array | None) -> tuple[Array, Array]:
     """(3, 3) orientation and (3,) position of an origin."""
     if origin is None:
         return np.eye(3), np.zeros(3)
@@ -375,7 +386,7 @@ def _pose(origin: Array | None) -> tuple[Array, Array]:
 def _perpendicular(axis: Array, file: ModelFile, line: int | None) -> tuple[Array, Array]:
     """Two unit vectors that form a right-handed frame with an axis."""
     if not np.any(axis):
-        raise file.mistake("found an axis of zero length", line, "joint")
+        raise file.error_at("found an axis of zero length", line, "joint")
     z = axis / np.linalg.norm(axis)
     x = np.cross(np.eye(3)[1], z)
     x = np.eye(3)[0] if np.linalg.norm(x) < 0.5 else x / np.linalg.norm(x)

@@ -35,10 +35,10 @@ class _Node:
         return [child for child in self.children if child.element.tag in tags]
 
 
-def plain_urdf(file: ModelFile) -> UrdfText:
+def reduce_urdf(file: ModelFile) -> UrdfText:
     """Links, joints and materials of a file whose attributes have been checked."""
     result, root = UrdfText(), _tree(file)
-    root.children = [child for child in root.children if child.element.known]
+    root.children = [child for child in root.children if child.element.in_model]
     _drop_xacro(root, "", result)
     for link in root.children_with("link"):
         _drop_empty_solids(link, result)
@@ -91,5 +91,5 @@ def _xml_texts(node: _Node) -> list[str]:
     tag = node.element.tag
     written_tag = "cylinder" if tag == "capsule" else tag
     attributes = "".join(f" {key}={quoteattr(x)}" for key, x in node.element.attributes.items())
-    inside = [text for child in node.children for text in _xml_texts(child)]
-    return [f"<{written_tag}{attributes}>", *inside, f"</{written_tag}>"]
+    contents = [text for child in node.children for text in _xml_texts(child)]
+    return [f"<{written_tag}{attributes}>", *contents, f"</{written_tag}>"]

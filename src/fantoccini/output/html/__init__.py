@@ -3,7 +3,14 @@
 Texts are escaped where elements are written: no other module writes markup.
 """
 
-from fantoccini.output.html.elements import Content, Element, element, lines, picture, to_html
+from fantoccini.output.html.elements import (
+    Content,
+    Element,
+    element,
+    figure_image,
+    line_elements,
+    to_html,
+)
 from fantoccini.output.html.page import Page, Table, write_page
 
 __all__ = [
@@ -12,8 +19,8 @@ __all__ = [
     "Page",
     "Table",
     "element",
-    "lines",
-    "picture",
+    "figure_image",
+    "line_elements",
     "to_html",
     "write_page",
 ]

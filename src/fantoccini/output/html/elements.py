@@ -25,23 +25,25 @@ def element(tag: str, *content: Content, **attributes: str) -> Element:
             attributes with an empty text are left out.
     """
     names = {name.rstrip("_").replace("_", "-"): text for name, text in attributes.items()}
-    parent = Element(tag, {name: _printable(text) for name, text in names.items() if text})
+    parent = Element(
+        tag, {name: _replace_unprintable(text) for name, text in names.items() if text}
+    )
     for part in content:
         if isinstance(part, Element):
             parent.append(part)
         elif len(parent):
-            parent[-1].tail = (parent[-1].tail or "") + _printable(part)
+            parent[-1].tail = (parent[-1].tail or "") + _replace_unprintable(part)
         else:
-            parent.text = (parent.text or "") + _printable(part)
+            parent.text = (parent.text or "") + _replace_unprintable(part)
     return parent
 
 
-def lines(texts: Iterable[str], tag: str = "div") -> list[Element]:
+def line_elements(texts: Iterable[str], tag: str = "div") -> list[Element]:
     """Plain texts, each in its own element."""
     return [element(tag, text) for text in texts]
 
 
-def picture(
+def figure_image(
     figure: Figure,
     alt: str,
     image_format: Literal["svg", "png"],
@@ -62,8 +64,8 @@ def picture(
         content, format=image_format, dpi=dpi or "figure", facecolor=figure.get_facecolor()
     )
     data = base64.b64encode(content.getvalue()).decode("ascii")
-    kind = {"svg": "svg+xml", "png": "png"}[image_format]
-    return element("img", alt=alt, src=f"data:image/{kind};base64,{data}", **attributes)
+    subtype = {"svg": "svg+xml", "png": "png"}[image_format]
+    return element("img", alt=alt, src=f"data:image/{subtype};base64,{data}", **attributes)
 
 
 def to_html(*parts: Element) -> str:
@@ -71,7 +73,7 @@ def to_html(*parts: Element) -> str:
     return "".join(tostring(part, encoding="unicode", method="html") for part in parts)
 
 
-def _printable(text: str) -> str:
+def _replace_unprintable(text: str) -> str:
     if text.isprintable():
         return text
     return "".join(

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fantoccini.base import PictureError, replacing
-from fantoccini.output.html.elements import Element, element, lines, picture, to_html
+from fantoccini.output.html.elements import Element, element, figure_image, line_elements, to_html
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -55,12 +55,12 @@ class Table:
     Attributes:
         header: headings of the columns; a final ``>`` aligns the column to the right.
         lines: cells as plain text.
-        wrong: indices of lines to mark in red, because something fails.
+        red_lines: indices of lines to mark in red, because something fails.
     """
 
     header: tuple[str, ...]
     lines: tuple[tuple[str, ...], ...]
-    wrong: frozenset[int] = frozenset()
+    red_lines: frozenset[int] = frozenset()
 
 
 class Page:
@@ -99,35 +99,35 @@ class Page:
 
     def items(self, texts: Iterable[str]) -> None:
         """Adds a list."""
-        if entries := lines(texts, "li"):
+        if entries := line_elements(texts, "li"):
             self._body.append(element("ul", *entries))
 
     def table(self, table: Table) -> None:
         """Adds a table, which scrolls if the window is too narrow."""
-        right = [heading.endswith(">") for heading in table.header]
-        head = _row("th", [heading.rstrip(">") for heading in table.header], right)
+        aligned_right = [heading.endswith(">") for heading in table.header]
+        head = _row("th", [heading.rstrip(">") for heading in table.header], aligned_right)
         body = [
-            _row("td", line, right, "wrong" if i in table.wrong else "")
+            _row("td", line, aligned_right, "wrong" if i in table.red_lines else "")
             for i, line in enumerate(table.lines)
         ]
         content = element("table", element("thead", head), element("tbody", *body))
         self._body.append(element("div", content, class_="wide"))
 
-    def drawing(self, figure: Figure, alt: str, share: float = 1.0) -> None:
+    def drawing(self, figure: Figure, alt: str, width_share: float = 1.0) -> None:
         """Adds a figure with few lines as SVG.
 
         Args:
             figure: figure to draw.
             alt: alternative text.
-            share: width relative to that of the page.
+            width_share: width relative to that of the page.
         """
-        style = f"width: {100.0 * share:.0f}%"
-        self._body.append(picture(figure, alt, "svg", style=style))
+        style = f"width: {100.0 * width_share:.0f}%"
+        self._body.append(figure_image(figure, alt, "svg", style=style))
 
     def plots(self, figures: Iterable[tuple[Figure, str]]) -> None:
         """Adds figures with many points as PNG, each with its alternative text."""
         for figure, alt in figures:
-            self._body.append(picture(figure, alt, "png", style="width: 100%"))
+            self._body.append(figure_image(figure, alt, "png", style="width: 100%"))
 
     def to_html(self) -> str:
         """The page as text."""
@@ -146,17 +146,17 @@ class Page:
             part.tail = "\n"
         return f"<!DOCTYPE html>\n{to_html(element('html', head, self._body, lang='en'))}\n"
 
-    def _paragraph(self, text: str, kind: str = "") -> None:
+    def _paragraph(self, text: str, css_class: str = "") -> None:
         if text:
-            self._body.append(element("p", text, class_=kind))
+            self._body.append(element("p", text, class_=css_class))
 
 
-def write_page(path: str | os.PathLike[str], make: Callable[[], Page]) -> Path:
+def write_page(path: str | os.PathLike[str], build_page: Callable[[], Page]) -> Path:
     """Writes a report, if its path is valid. The file appears only when complete.
 
     Args:
         path: path that ends in ``.html``.
-        make: function that returns the page.
+        build_page: function that returns the page.
 
     Returns:
         The path.
@@ -170,18 +170,20 @@ def write_page(path: str | os.PathLike[str], make: Callable[[], Page]) -> Path:
         raise ValueError(f"a report ends in .html, not in {path.suffix!r}")
     if not os.path.isdir(path.parent):
         raise PictureError(f"there is no folder {path.parent}")
-    text = make().to_html()
+    text = build_page().to_html()
     try:
         with replacing(path) as temporary:
             temporary.write_text(text, encoding="utf-8")
-    except OSError as reason:
-        raise PictureError(f"{path} cannot be written: {reason.strerror}") from reason
+    except OSError as error:
+        raise PictureError(f"{path} cannot be written: {error.strerror}") from error
     return path
 
 
-def _row(tag: str, cells: Sequence[str], right: Sequence[bool], kind: str = "") -> Element:
+def _row(
+    tag: str, cells: Sequence[str], aligned_right: Sequence[bool], css_class: str = ""
+) -> Element:
     elements = [
-        element(tag, cell, class_="r" if flush else "")
-        for cell, flush in zip(cells, right, strict=True)
+        element(tag, cell, class_="r" if is_right else "")
+        for cell, is_right in zip(cells, aligned_right, strict=True)
     ]
-    return element("tr", *elements, class_=kind)
+    return element("tr", *elements, class_=css_class)

@@ -75,10 +75,10 @@ def _page(result: IdentificationResult) -> Page:
         "puppet's file is right. An error there that the estimates can compensate leaves no "
         "trace on this page."
     )
-    _undetermined(page, result)
-    _correlated(page, result)
-    _residuals(page, result)
-    _jumps(page, result)
+    _add_undetermined(page, result)
+    _add_correlations(page, result)
+    _add_residuals(page, result)
+    _add_jumps(page, result)
     page.section("Samples and predictions")
     page.note(
         "Dots: samples. Line: prediction with the estimates. Red circles: outliers. Grey: "
@@ -86,7 +86,7 @@ def _page(result: IdentificationResult) -> Page:
     )
     page.plots(
         (figure, f"Samples and predictions of {', '.join(names)}")
-        for figure, names in identified_plots.channels(result)
+        for figure, names in identified_plots.channel_figures(result)
     )
     return page
 
@@ -127,12 +127,12 @@ def _fixed_note(result: IdentificationResult) -> str:
 
 def number_table(result: IdentificationResult) -> Table:
     """Estimates with their intervals, start values and prior knowledge."""
-    unit, before = units(result.record), prior_shares(result)
+    unit_by_name, shares = units(result.record), prior_shares(result)
     rows: list[tuple[str, ...]] = []
-    wrong = set()
+    red_rows = set()
     priors = [unknown.known for unknown in result.record.unknowns]
     priors += [None] * (len(result.names) - len(priors))
-    for i, (name, x, d, begin, prior) in enumerate(
+    for i, (name, value, deviation, start_value, prior) in enumerate(
         zip(
             result.names,
             result.values.tolist(),
@@ -142,20 +142,22 @@ def number_table(result: IdentificationResult) -> Table:
             strict=True,
         )
     ):
-        determined = math.isfinite(d)
+        determined = math.isfinite(deviation)
         low, high = result.interval(name)
-        if not determined or before.get(name, 0.0) > _HIGH_PRIOR_SHARE:
-            wrong.add(i)
+        if not determined or shares.get(name, 0.0) > _HIGH_PRIOR_SHARE:
+            red_rows.add(i)
         rows.append(
             (
                 name,
-                rounded(x, d) if determined else "undetermined",
-                unit[name],
-                f"{rounded(low, d)} to {rounded(high, d)}" if determined else "",
-                f"{d:.2g}" if determined else "",
-                f"{begin:.6g}",
+                round_to_deviation(value, deviation) if determined else "undetermined",
+                unit_by_name[name],
+                f"{round_to_deviation(low, deviation)} to {round_to_deviation(high, deviation)}"
+                if determined
+                else "",
+                f"{deviation:.2g}" if determined else "",
+                f"{start_value:.6g}",
                 "" if prior is None else f"± {prior:.3g}",
-                "" if prior is None else f"{100.0 * before[name]:.0f} %",
+                "" if prior is None else f"{100.0 * shares[name]:.0f} %",
             )
         )
     header: tuple[str, ...] = (
@@ -168,12 +170,12 @@ def number_table(result: IdentificationResult) -> Table:
         "prior>",
         "prior share>",
     )
-    if not before:
+    if not shares:
         header, rows = header[:-2], [row[:-2] for row in rows]
-    return Table(header, tuple(rows), frozenset(wrong))
+    return Table(header, tuple(rows), frozenset(red_rows))
 
 
-def rounded(x: float, deviation: float) -> str:
+def round_to_deviation(x: float, deviation: float) -> str:
     """A number, rounded to two digits of its standard deviation."""
     if not (math.isfinite(deviation) and deviation > 0.0):
         return f"{x:.6g}"
@@ -181,7 +183,7 @@ def rounded(x: float, deviation: float) -> str:
     return f"{x:.{digits}f}" if 0 <= digits <= 9 else f"{x:.6g}"
 
 
-def _undetermined(page: Page, result: IdentificationResult) -> None:
+def _add_undetermined(page: Page, result: IdentificationResult) -> None:
     """Adds the combinations of numbers that the record does not determine."""
     if not result.combinations:
         return
@@ -194,7 +196,7 @@ def _undetermined(page: Page, result: IdentificationResult) -> None:
     page.items(str(combination) for combination in result.combinations)
 
 
-def _correlated(page: Page, result: IdentificationResult) -> None:
+def _add_correlations(page: Page, result: IdentificationResult) -> None:
     n, C = len(result.names), result.correlation
     if n < 2:
         return
@@ -210,10 +212,10 @@ def _correlated(page: Page, result: IdentificationResult) -> None:
     )
     page.items(lines[:MAX_LISTED])
     share = max(0.3, min(0.7, 0.032 * (n + 5)))
-    page.drawing(identified_plots.correlations(result), "Correlations of the unknowns", share)
+    page.drawing(identified_plots.correlation_figure(result), "Correlations of the unknowns", share)
 
 
-def _residuals(page: Page, result: IdentificationResult) -> None:
+def _add_residuals(page: Page, result: IdentificationResult) -> None:
     """Adds the residuals: table, plots and outliers."""
     outliers = [
         f"{outlier.column} at {outlier.t:.3f} s {outlier.residual:+.1f}"
@@ -221,8 +223,8 @@ def _residuals(page: Page, result: IdentificationResult) -> None:
             :MAX_LISTED
         ]
     ]
-    if more := len(result.outliers) - len(outliers):
-        outliers.append(f"and {more} more")
+    if n_more := len(result.outliers) - len(outliers):
+        outliers.append(f"and {n_more} more")
     page.section("Residuals")
     page.note(
         "Sample minus prediction, outliers included. For pure noise, 95 % are within two standard "
@@ -237,7 +239,7 @@ def _residuals(page: Page, result: IdentificationResult) -> None:
     )
     page.plots(
         (figure, f"Residuals of {', '.join(names)}")
-        for figure, names in identified_plots.residuals(result)
+        for figure, names in identified_plots.residual_figures(result)
     )
     page.text(f"Outliers, in standard deviations: {', '.join(outliers)}." if outliers else "")
 
@@ -258,7 +260,7 @@ def residual_table(result: IdentificationResult) -> Table:
         )
         for column in column_fits(result)
     )
-    wrong = frozenset(k for k, column in enumerate(column_fits(result)) if column.doubtful)
+    red_rows = frozenset(k for k, column in enumerate(column_fits(result)) if column.doubtful)
     header = (
         "column",
         "samples>",
@@ -270,7 +272,7 @@ def residual_table(result: IdentificationResult) -> Table:
         "correlation of neighbours>",
         "outliers>",
     )
-    return Table(header, rows, wrong)
+    return Table(header, rows, red_rows)
 
 
 def _largest_jumps(result: IdentificationResult) -> str:
@@ -278,21 +280,21 @@ def _largest_jumps(result: IdentificationResult) -> str:
     sizes, names = np.abs(result.jumps), jump_names(result)
     largest = np.max(sizes, axis=1)
     indices = [k for k in np.argsort(-largest) if largest[k] > _LARGE_JUMP][:MAX_LISTED]
-    words = [
+    jump_texts = [
         f"{largest[k]:.0f} at {result.starts[k + 1] + result.delay:.2f} s "
         f"({names[int(np.argmax(sizes[k]))]})"
         for k in indices
     ]
-    return f"The largest, relative to the drift: {', '.join(words)}." if words else ""
+    return f"The largest, relative to the drift: {', '.join(jump_texts)}." if jump_texts else ""
 
 
-def _jumps(page: Page, result: IdentificationResult) -> None:
+def _add_jumps(page: Page, result: IdentificationResult) -> None:
     """Adds the jumps between segments, which show where the model is wrong."""
     if len(result.starts) < 2:
         return
-    lost = [f"{t + result.delay:.2f} s" for t in result.rejected[:MAX_LISTED]]
-    more = len(result.rejected) - len(lost)
-    rest = f" and {more} more." if more else "."
+    rejected_times = [f"{t + result.delay:.2f} s" for t in result.rejected[:MAX_LISTED]]
+    n_more = len(result.rejected) - len(rejected_times)
+    remainder = f" and {n_more} more." if n_more else "."
     page.section("Jumps between segments")
     page.note(
         "Jump: the difference between the start of a segment and the end of the previous one, "
@@ -303,5 +305,7 @@ def _jumps(page: Page, result: IdentificationResult) -> None:
     )
     page.items(str(line) for line in biased_jumps(result)[:MAX_LISTED])
     page.text(_largest_jumps(result))
-    page.text(f"Rejected segments, from: {', '.join(lost)}{rest}" if lost else "")
-    page.plots([(identified_plots.jumps(result), "Jumps between segments, by coordinate")])
+    page.text(
+        f"Rejected segments, from: {', '.join(rejected_times)}{remainder}" if rejected_times else ""
+    )
+    page.plots([(identified_plots.jump_figure(result), "Jumps between segments, by coordinate")])

@@ -11,12 +11,12 @@ import numpy as np
 from fantoccini.base import Array
 from fantoccini.lab.identification import OUTLIER_RESIDUAL, channel_units
 from fantoccini.output.reports.panels import (
-    COLUMNS,
-    WIDTH,
+    FIGURE_WIDTH,
+    GRID_COLUMNS,
     chunks,
     colour_bar,
-    grid,
     label_axes,
+    panel_grid,
     set_title,
     style_time_axes,
 )
@@ -46,20 +46,20 @@ _MAX_LABELLED = 14
 """Largest number of unknowns for which correlations are written into the map."""
 
 
-def channels(
+def channel_figures(
     result: IdentificationResult, theme: Theme = LIGHT
 ) -> Iterator[tuple[Figure, list[str]]]:
     """Figures with samples and predictions over time, and the names of their channels."""
     names, units = result.record.channels.names, channel_units(result.record)
     measured = [j for j in range(len(names)) if np.any(np.isfinite(result.residuals[:, j]))]
-    for part in chunks(measured, COLUMNS * _ROWS_OF_CHANNELS):
-        figure, panels = grid(len(part), 138, theme, share_x=True)
-        for panel, j in zip(panels, part, strict=True):
+    for chunk in chunks(measured, GRID_COLUMNS * _ROWS_OF_CHANNELS):
+        figure, panels = panel_grid(len(chunk), 138, theme, share_x=True)
+        for panel, j in zip(panels, chunk, strict=True):
             _draw_channel(panel, result, j, theme)
             set_title(panel, f"{one_line(names[j], 34)} [{units[j]}]", theme)
-        for panel in panels[-COLUMNS:]:
+        for panel in panels[-GRID_COLUMNS:]:
             label_axes(panel, theme, "time [s]")
-        yield figure, [names[j] for j in part]
+        yield figure, [names[j] for j in chunk]
 
 
 def _draw_channel(axes: Axes, result: IdentificationResult, j: int, theme: Theme) -> None:
@@ -71,41 +71,43 @@ def _draw_channel(axes: Axes, result: IdentificationResult, j: int, theme: Theme
     axes.plot(t, samples, ".", markersize=1.8, color=theme.colour(0), alpha=0.55)
     axes.plot(*with_gaps(t, result.predicted[:, j]), color=theme.text, linewidth=0.7)
     outliers = np.abs(r) > OUTLIER_RESIDUAL * result.noise[result.record.channels.names[j]]
-    low, high = _range(np.concatenate([result.predicted[:, j], samples[~outliers]]))
+    low, high = _axis_limits(np.concatenate([result.predicted[:, j], samples[~outliers]]))
     _draw_outliers(axes, t[outliers], np.clip(samples[outliers], low, high))
     axes.set_ylim(low, high)
     style_time_axes(axes, t, theme)
 
 
-def _range(values: Array) -> tuple[float, float]:
+def _axis_limits(values: Array) -> tuple[float, float]:
     """Limits of an axis: slightly wider than the range of the values."""
     low, high = float(np.nanmin(values)), float(np.nanmax(values))
     margin = 0.08 * (high - low) or 1.0
     return low - margin, high + margin
 
 
-def residuals(
+def residual_figures(
     result: IdentificationResult, theme: Theme = LIGHT
 ) -> Iterator[tuple[Figure, list[str]]]:
     """Figures with residuals relative to the noise, over time and as histograms, by group."""
-    for part in chunks(_groups(result), _MAX_GROUPS):
-        figure = blank_figure((WIDTH, 50 + 122 * len(part)), facecolor=theme.upper_background)
+    for chunk in chunks(_groups(result), _MAX_GROUPS):
+        figure = blank_figure(
+            (FIGURE_WIDTH, 50 + 122 * len(chunk)), facecolor=theme.upper_background
+        )
         figure.set_layout_engine("constrained", h_pad=0.04, w_pad=0.04)
         panels = figure.subplots(
-            len(part),
+            len(chunk),
             2,
             squeeze=False,
             sharex="col",
             sharey=True,
             gridspec_kw={"width_ratios": (6.2, 1)},
         )
-        for (left, right), (name, indices) in zip(panels, part, strict=True):
+        for (left, right), (name, indices) in zip(panels, chunk, strict=True):
             _draw_residuals(left, result, indices, theme)
             _draw_histogram(right, result, indices, theme)
             set_title(left, name, theme)
         label_axes(panels[-1, 0], theme, "time [s]")
         label_axes(panels[-1, 1], theme, "density")
-        yield figure, [name for name, _ in part]
+        yield figure, [name for name, _ in chunk]
 
 
 def _groups(result: IdentificationResult) -> list[tuple[str, list[int]]]:
@@ -117,7 +119,7 @@ def _groups(result: IdentificationResult) -> list[tuple[str, list[int]]]:
     return list(groups.items())
 
 
-def _scaled(result: IdentificationResult, j: int) -> Array:
+def _normalised_residuals(result: IdentificationResult, j: int) -> Array:
     """(N,) residuals of channel j, relative to its noise."""
     return np.asarray(result.residuals[:, j] / result.noise[result.record.channels.names[j]])
 
@@ -130,7 +132,7 @@ def _draw_residuals(
     axes.axhspan(-2.0, 2.0, color=theme.muted, alpha=0.13, linewidth=0.0)
     names = result.record.channels.names
     for k, j in enumerate(indices):
-        z = _scaled(result, j)
+        z = _normalised_residuals(result, j)
         axes.plot(t, z, ".", markersize=1.8, color=theme.colour(k), alpha=0.35)
         outliers = np.abs(z) > OUTLIER_RESIDUAL
         _draw_outliers(axes, t[outliers], np.clip(z[outliers], -_MAX_RESIDUAL, _MAX_RESIDUAL))
@@ -158,7 +160,7 @@ def _draw_residuals(
 def _draw_histogram(
     axes: Axes, result: IdentificationResult, indices: list[int], theme: Theme
 ) -> None:
-    z = np.concatenate([_scaled(result, j) for j in indices])
+    z = np.concatenate([_normalised_residuals(result, j) for j in indices])
     z = np.clip(z[np.isfinite(z)], -_MAX_RESIDUAL, _MAX_RESIDUAL)
     edges = np.linspace(-_MAX_RESIDUAL, _MAX_RESIDUAL, 41)
     height = np.histogram(z, edges, density=True)[0]
@@ -179,14 +181,14 @@ def _running_mean(t: Array, z: Array) -> Array:
         [[0.0], np.cumsum(np.where(finite, np.clip(z, -OUTLIER_RESIDUAL, OUTLIER_RESIDUAL), 0.0))]
     )
     count = np.concatenate([[0], np.cumsum(finite)])
-    low = np.searchsorted(t, t - 0.5 * AVERAGING_TIME)
-    high = np.searchsorted(t, t + 0.5 * AVERAGING_TIME, side="right")
-    n = count[high] - count[low]
+    first = np.searchsorted(t, t - 0.5 * AVERAGING_TIME)
+    last = np.searchsorted(t, t + 0.5 * AVERAGING_TIME, side="right")
+    n = count[last] - count[first]
     enough = n > max(2.0, 0.6 * float(np.median(n[finite])))
-    return np.asarray(np.where(enough, (total[high] - total[low]) / np.maximum(n, 1), np.nan))
+    return np.asarray(np.where(enough, (total[last] - total[first]) / np.maximum(n, 1), np.nan))
 
 
-def jumps(result: IdentificationResult, theme: Theme = LIGHT) -> Figure:
+def jump_figure(result: IdentificationResult, theme: Theme = LIGHT) -> Figure:
     """Figure of jumps between segments: the largest, and those of every coordinate.
 
     They are relative to the allowed drift.
@@ -195,9 +197,9 @@ def jumps(result: IdentificationResult, theme: Theme = LIGHT) -> Figure:
     n, jump_times = len(names), result.starts[1:] + result.delay
     size = max(60, min(17 * n, 460))
     height = 100 + 2 * size + 130
-    figure = blank_figure((WIDTH, height), facecolor=theme.upper_background)
-    left = (24 + 6 * max(map(len, names))) / WIDTH
-    top, *lower = figure.subplots(
+    figure = blank_figure((FIGURE_WIDTH, height), facecolor=theme.upper_background)
+    left = (24 + 6 * max(map(len, names))) / FIGURE_WIDTH
+    top_axes, *map_axes = figure.subplots(
         3,
         1,
         sharex=True,
@@ -210,29 +212,31 @@ def jumps(result: IdentificationResult, theme: Theme = LIGHT) -> Figure:
             "hspace": 31 / ((100 + 2 * size) / 3),
         },
     )
-    _shade_rejected(top, result)
+    _shade_rejected(top_axes, result)
     largest = np.max(np.abs(result.jumps), axis=1)
-    top.axhline(1.0, color=theme.muted, linewidth=0.9, linestyle=(0, (4, 2)))
-    top.vlines(
+    top_axes.axhline(1.0, color=theme.muted, linewidth=0.9, linestyle=(0, (4, 2)))
+    top_axes.vlines(
         jump_times, 0.0, np.minimum(largest, _MAX_JUMP), color=theme.colour(0), linewidth=1.0
     )
-    beyond = largest > _MAX_JUMP
-    top.plot(jump_times[~beyond], largest[~beyond], ".", markersize=4, color=theme.colour(0))
-    top.plot(
-        jump_times[beyond],
-        np.full(np.sum(beyond), _MAX_JUMP),
+    is_clipped = largest > _MAX_JUMP
+    top_axes.plot(
+        jump_times[~is_clipped], largest[~is_clipped], ".", markersize=4, color=theme.colour(0)
+    )
+    top_axes.plot(
+        jump_times[is_clipped],
+        np.full(np.sum(is_clipped), _MAX_JUMP),
         "^",
         markersize=5,
         color=RED,
         clip_on=False,
     )
-    top.set_ylim(0.0, _MAX_JUMP)
-    style_time_axes(top, result.t, theme)
-    set_title(top, "largest jump", theme)
-    span = result.starts[1] - result.starts[0]
-    edges = np.append(jump_times - 0.5 * span, jump_times[-1] + 0.5 * span)
+    top_axes.set_ylim(0.0, _MAX_JUMP)
+    style_time_axes(top_axes, result.t, theme)
+    set_title(top_axes, "largest jump", theme)
+    segment_duration = result.starts[1] - result.starts[0]
+    edges = np.append(jump_times - 0.5 * segment_duration, jump_times[-1] + 0.5 * segment_duration)
     for axes, values, title in zip(
-        lower,
+        map_axes,
         (result.jumps[:, :n], result.jumps[:, n:]),
         ("of configurations", "of velocities"),
         strict=True,
@@ -253,19 +257,20 @@ def jumps(result: IdentificationResult, theme: Theme = LIGHT) -> Figure:
         if 15 * n > size:
             axes.tick_params(axis="y", labelsize=min(8.0, 8.0 * size / (15 * n)))
         set_title(axes, title, theme)
-    label_axes(lower[-1], theme, "time [s]")
-    place = figure.add_axes((0.94, 44 / height, 0.012, (2 * size + 31) / height))
-    colour_bar(figure, image, theme, "jump / drift", cax=place, extend="both")
+    label_axes(map_axes[-1], theme, "time [s]")
+    bar_axes = figure.add_axes((0.94, 44 / height, 0.012, (2 * size + 31) / height))
+    colour_bar(figure, image, theme, "jump / drift", cax=bar_axes, extend="both")
     return figure
 
 
-def correlations(result: IdentificationResult, theme: Theme = LIGHT) -> Figure:
+def correlation_figure(result: IdentificationResult, theme: Theme = LIGHT) -> Figure:
     """Map of the correlations of the unknowns' errors; grey where one is undetermined."""
     names, n = [one_line(name, 26) for name in result.names], len(result.names)
-    cell = 40 if n <= _MAX_LABELLED else 20
+    cell_size = 40 if n <= _MAX_LABELLED else 20
     label_width = 60 + 7 * max(len(name) for name in names)
     figure = blank_figure(
-        (label_width + cell * n + 90, label_width + cell * n), facecolor=theme.upper_background
+        (label_width + cell_size * n + 90, label_width + cell_size * n),
+        facecolor=theme.upper_background,
     )
     figure.set_layout_engine("constrained")
     axes = figure.subplots()
@@ -303,9 +308,9 @@ def _shade_gaps(axes: Axes, t: Array, finite: Array, theme: Theme) -> None:
     """Shades gaps of a channel, also before and after its samples."""
     times = t[finite]
     interval = np.median(np.diff(times)) if len(times) > 1 else t[-1] - t[0]
-    ends = np.concatenate([[t[0]], times, [t[-1]]])
-    for k in np.flatnonzero(np.diff(ends) > _MIN_GAP * interval):
-        axes.axvspan(ends[k], ends[k + 1], color=theme.muted, alpha=0.2, linewidth=0.0)
+    boundaries = np.concatenate([[t[0]], times, [t[-1]]])
+    for k in np.flatnonzero(np.diff(boundaries) > _MIN_GAP * interval):
+        axes.axvspan(boundaries[k], boundaries[k + 1], color=theme.muted, alpha=0.2, linewidth=0.0)
 
 
 def _shade_rejected(axes: Axes, result: IdentificationResult) -> None:

@@ -15,9 +15,9 @@ if TYPE_CHECKING:
 
     Panels = tuple[Figure, list[Axes]]
 
-WIDTH = 1150
+FIGURE_WIDTH = 1150
 """Width of a figure [px]."""
-COLUMNS = 3
+GRID_COLUMNS = 3
 """Panels in a row of a grid."""
 
 T = TypeVar("T")
@@ -28,15 +28,15 @@ def chunks(items: Sequence[T], size: int) -> Iterator[Sequence[T]]:
     return (items[begin : begin + size] for begin in range(0, len(items), size))
 
 
-def grid(count: int, height: int, theme: Theme, share_x: bool) -> Panels:
+def panel_grid(count: int, height: int, theme: Theme, share_x: bool) -> Panels:
     """Figure with ``count`` panels in rows of :data:`COLUMNS`, each row ``height`` high [px]."""
-    rows = -(-count // COLUMNS)
-    figure = blank_figure((WIDTH, 44 + height * rows), facecolor=theme.upper_background)
+    rows = -(-count // GRID_COLUMNS)
+    figure = blank_figure((FIGURE_WIDTH, 44 + height * rows), facecolor=theme.upper_background)
     figure.set_layout_engine("constrained", h_pad=0.04, w_pad=0.06)
-    panels = list(figure.subplots(rows, COLUMNS, sharex=share_x, squeeze=False).flat)
+    panels = list(figure.subplots(rows, GRID_COLUMNS, sharex=share_x, squeeze=False).flat)
     for panel in panels[count:]:
         panel.set_visible(False)
-    for panel in panels[max(0, count - COLUMNS) : count]:
+    for panel in panels[max(0, count - GRID_COLUMNS) : count]:
         panel.tick_params(labelbottom=True)
     return figure, panels[:count]
 
@@ -63,10 +63,10 @@ def style_time_axes(axes: Axes, t: Array, theme: Theme) -> None:
 
 
 def colour_bar(
-    figure: Figure, image: ScalarMappable, theme: Theme, text: str, **place: Any
+    figure: Figure, image: ScalarMappable, theme: Theme, text: str, **placement: Any
 ) -> None:
-    """Adds the colour bar of an image; ``place`` as in matplotlib."""
-    bar = figure.colorbar(image, **place)
+    """Adds the colour bar of an image; ``placement`` as in matplotlib."""
+    bar = figure.colorbar(image, **placement)
     bar.ax.tick_params(labelsize=8, colors=theme.muted, labelcolor=theme.text)
     bar.outline.set_visible(False)
     bar.set_label(text, fontsize=8, color=theme.text)

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 from fantoccini.base import OnProgress, Progress
 from fantoccini.output.html import Page, write_page
 from fantoccini.output.reports import play_tables
-from fantoccini.output.reports.stage_plan import plan
-from fantoccini.output.reports.timeline import timeline
-from fantoccini.output.view import Stills
+from fantoccini.output.reports.stage_plan import draw_stage_plan
+from fantoccini.output.reports.timeline import draw_timeline
+from fantoccini.output.view import ActStills
 
 if TYPE_CHECKING:
     from fantoccini.theatre.plays import Verification
@@ -43,58 +43,60 @@ def _page(verification: Verification, progress: OnProgress) -> Page:
     play = verification.play
     page = Page(f"{play.name}: verification", play.name)
     page.text(play.cast.file.about)
-    page.text(_facts(verification))
-    _verdict(page, verification)
+    page.text(_key_numbers(verification))
+    _add_verdict(page, verification)
     page.section("Cast and stage")
     page.table(play_tables.cast_table(verification))
-    page.drawing(plan(play, verification.space), f"Plan of the stage of {play.name}", 0.66)
+    page.drawing(
+        draw_stage_plan(play, verification.space), f"Plan of the stage of {play.name}", 0.66
+    )
     page.table(play_tables.space_table(verification))
     page.section("Timeline")
-    page.drawing(timeline(play), f"Timeline of {play.name}")
+    page.drawing(draw_timeline(play), f"Timeline of {play.name}")
     page.note(
         "Bars are motions of the hands, with the numbers of the cues in the tables below. A cross "
         "is a cue that cannot be done, at its planned start. The observed time of a cue is when "
         "the limb turns at its mark or, without such a turn, when the hands begin to move."
     )
     progress(Progress(done=0.1, total=1.0))
-    stills = Stills(play, verification.run)
-    ends = [*play.acts.values(), play.duration]
+    stills = ActStills(play, verification.run)
+    act_times = [*play.acts.values(), play.duration]
     for k, act in enumerate(play.acts):
         page.section(act)
-        page.note(f"From {ends[k]:.2f} to {ends[k + 1]:.2f} s.")
+        page.note(f"From {act_times[k]:.2f} to {act_times[k + 1]:.2f} s.")
         page.plots([(stills.of_act(act), f"Stills of {act}")])
         page.table(play_tables.cue_table(verification, act))
         progress(Progress(done=0.1 + 0.7 * (k + 1) / len(play.acts), total=1.0))
-    _measured(page, verification)
+    _add_measurements(page, verification)
     progress(Progress(done=1.0, total=1.0))
     return page
 
 
-def _facts(verification: Verification) -> str:
+def _key_numbers(verification: Verification) -> str:
     play = verification.play
-    table = play.marionette.coordinates
+    coordinates = play.marionette.coordinates
     n = len(play.cast.players)
     return (
         f"{play.duration:.1f} s at {60.0 / play.score.beat:g} beats a minute; "
-        f"{n} player{'s' * (n > 1)}, {len(play.cues)} cues; {table.n_vD} degrees of freedom, "
-        f"{len(play.marionette.tree.strings)} strings, {table.n_vK} driven coordinates."
+        f"{n} player{'s' * (n > 1)}, {len(play.cues)} cues; {coordinates.n_vD} degrees of freedom, "
+        f"{len(play.marionette.tree.strings)} strings, {coordinates.n_vK} driven coordinates."
     )
 
 
-def _verdict(page: Page, verification: Verification) -> None:
+def _add_verdict(page: Page, verification: Verification) -> None:
     """Adds the verdict, changed and refused cues, and broken requirements."""
     play = verification.play
-    faults, refused = verification.faults, len(play.refused)
-    late = 1e3 * verification.max_lateness
-    first = "Every cue is done as written" if play else play.counts
-    if refused:
-        first = f"{refused} of {len(play.cues)} cues cannot be done as written"
-    second = (
+    faults, n_refused = verification.faults, len(play.refused)
+    max_delay = 1e3 * verification.max_lateness
+    cue_verdict = "Every cue is done as written" if play else play.counts
+    if n_refused:
+        cue_verdict = f"{n_refused} of {len(play.cues)} cues cannot be done as written"
+    run_verdict = (
         f"the run breaks {len(faults)} requirement{'s' * (len(faults) > 1)}"
         if faults
-        else f"the run meets every requirement; no cue is off by more than {late:.0f} ms"
+        else f"the run meets every requirement; no cue is off by more than {max_delay:.0f} ms"
     )
-    page.verdict(f"{first}; {second}.", not (play.deviations or faults))
+    page.verdict(f"{cue_verdict}; {run_verdict}.", not (play.deviations or faults))
     if play.changes:
         page.subsection("Changes to the script, with reasons")
         page.items(map(str, play.changes))
@@ -103,7 +105,7 @@ def _verdict(page: Page, verification: Verification) -> None:
         page.items(faults)
 
 
-def _measured(page: Page, verification: Verification) -> None:
+def _add_measurements(page: Page, verification: Verification) -> None:
     page.section("Measured")
     page.text(f"The run: {verification.run.status.message}.")
     page.subsection("Smallest clearances")

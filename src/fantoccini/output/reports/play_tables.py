@@ -21,13 +21,13 @@ def cast_table(verification: Verification) -> Table:
     lines = []
     for name, player in play.cast.players.items():
         start, entry = player.start, play.cast.file.cast[name]
-        at = entry.at if isinstance(entry.at, str) else ""
+        mark = entry.at if isinstance(entry.at, str) else ""
         distance = sum(way.length for way in play.walks.get(name, ()))
         lines.append(
             (
                 name,
                 entry.puppet,
-                f"{at} ({start.x:.2f}, {start.y:.2f})".strip(),
+                f"{mark} ({start.x:.2f}, {start.y:.2f})".strip(),
                 f"{np.degrees(start.heading):.0f}",
                 f"{_weight(verification, name):.2f}",
                 f"{distance:.2f}",
@@ -47,9 +47,9 @@ def cast_table(verification: Verification) -> Table:
 def cue_table(verification: Verification, act: str) -> Table:
     """Cues of an act: planned and observed times, and reasons for refusal."""
     play = verification.play
-    times_of: dict[int, list[tuple[str, ...]]] = {}
+    cells_by_cue: dict[int, list[tuple[str, ...]]] = {}
     for observation in verification.cues:
-        times_of.setdefault(observation.cue.number, []).append(
+        cells_by_cue.setdefault(observation.cue.number, []).append(
             (
                 observation.who,
                 f"{observation.wanted:.2f}",
@@ -58,20 +58,24 @@ def cue_table(verification: Verification, act: str) -> Table:
                 "limb" if observation.is_limb_time else "hands",
             )
         )
-    lines, wrong = list[tuple[str, ...]](), set[int]()
+    lines, red_lines = list[tuple[str, ...]](), set[int]()
     for cue in play.cues:
         if cue.act != act:
             continue
-        first = f"{cue.number}", f"{cue.line}", cue.action + (f" ({cue.mark})" if cue.mark else "")
+        cue_cells = (
+            f"{cue.number}",
+            f"{cue.line}",
+            cue.action + (f" ({cue.mark})" if cue.mark else ""),
+        )
         if cue.refused:
-            wrong.add(len(lines))
+            red_lines.add(len(lines))
             lines.append(
-                (*first, ", ".join(cue.who), f"{cue.wanted:.2f}", "", "", "", _reason(cue))
+                (*cue_cells, ", ".join(cue.who), f"{cue.wanted:.2f}", "", "", "", _reason(cue))
             )
-        for k, times in enumerate(times_of.get(cue.number, [])):
+        for k, cells in enumerate(cells_by_cue.get(cue.number, [])):
             notes = (cue.passes, _pause(verification, cue)) if k == 0 else ()
             note = "; ".join(filter(None, notes))
-            lines.append((*(first if k == 0 else ("", "", "")), *times, note))
+            lines.append((*(cue_cells if k == 0 else ("", "", "")), *cells, note))
     header = (
         "cue>",
         "line>",
@@ -83,7 +87,7 @@ def cue_table(verification: Verification, act: str) -> Table:
         "observed on",
         "",
     )
-    return Table(header, tuple(lines), frozenset(wrong))
+    return Table(header, tuple(lines), frozenset(red_lines))
 
 
 def _reason(cue: CueOfPlay) -> str:
@@ -106,12 +110,12 @@ def _pause(verification: Verification, cue: CueOfPlay) -> str:
 def clearance_table(verification: Verification) -> Table:
     """Smallest distance between every two owners: bodies, then strings."""
     play = verification.play
-    clear = play.cast.file.stage.clear
-    lines, wrong = list[tuple[str, ...]](), set[int]()
+    min_clearance = play.cast.file.stage.clear
+    lines, red_lines = list[tuple[str, ...]](), set[int]()
     for pair in clearances(play.cast, verification.run):
-        allowed = 0.0 if "floor" in pair.owners else clear
+        allowed = 0.0 if "floor" in pair.owners else min_clearance
         if pair.distance < allowed:
-            wrong.add(len(lines))
+            red_lines.add(len(lines))
         lines.append(
             (
                 " - ".join(pair.owners),
@@ -123,7 +127,7 @@ def clearance_table(verification: Verification) -> Table:
             )
         )
     header = ("between", "nearest", "", "smallest [mm]>", "allowed [mm]>", "when")
-    return Table(header, tuple(lines), frozenset(wrong))
+    return Table(header, tuple(lines), frozenset(red_lines))
 
 
 def string_table(verification: Verification) -> Table:
@@ -152,16 +156,16 @@ def string_table(verification: Verification) -> Table:
 
 def hand_table(verification: Verification) -> Table:
     """Coordinate of every hand that is nearest to its bounds."""
-    peaks_of: dict[str, list[tuple[float, float, float, float]]] = {}
+    peaks_by_hand: dict[str, list[tuple[float, float, float, float]]] = {}
     for name, peaks in verification.peaks.items():
-        peaks_of.setdefault(name.rpartition(".")[0], []).append(peaks)
-    lines, wrong = list[tuple[str, ...]](), set[int]()
-    for hand, coordinates in peaks_of.items():
+        peaks_by_hand.setdefault(name.rpartition(".")[0], []).append(peaks)
+    lines, red_lines = list[tuple[str, ...]](), set[int]()
+    for hand, coordinates in peaks_by_hand.items():
         speed = max(coordinates, key=lambda peaks: peaks[0] / peaks[1])
         acceleration = max(coordinates, key=lambda peaks: peaks[2] / peaks[3])
         shares = 100.0 * speed[0] / speed[1], 100.0 * acceleration[2] / acceleration[3]
         if max(shares) > 100.5:
-            wrong.add(len(lines))
+            red_lines.add(len(lines))
         lines.append(
             (
                 hand,
@@ -182,7 +186,7 @@ def hand_table(verification: Verification) -> Table:
         "bound>",
         "used [%]>",
     )
-    return Table(header, tuple(lines), frozenset(wrong))
+    return Table(header, tuple(lines), frozenset(red_lines))
 
 
 def space_table(verification: Verification) -> Table:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fantoccini.output.view import LIGHT, STONE, blank_figure, one_line, style_axes
+from fantoccini.output.view import LIGHT, STONE_COLOUR, blank_figure, one_line, style_axes
 from fantoccini.theatre.plays import StagePlan, make_stage_plan
 
 if TYPE_CHECKING:
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from fantoccini.theatre.plays import Play
 
-Box = tuple[tuple[float, float], tuple[float, float]]
+Rectangle = tuple[tuple[float, float], tuple[float, float]]
 
 _WIDTH = 760
 """Width of the picture [px]."""
@@ -23,15 +23,16 @@ _MARGIN = 0.12
 """Margin around the drawing [m]."""
 
 
-def plan(play: Play, reached: Box) -> Figure:
+def draw_stage_plan(play: Play, used_area: Rectangle) -> Figure:
     """The stage from above, with the audience at the lower edge of the picture.
 
     Args:
         play: the compiled play.
-        reached: ((low, high) of x, (low, high) of y): area in which the hands move in the play [m].
+        used_area: ((low, high) of x, (low, high) of y): area in which the hands move in the play
+            [m].
     """
     stage = make_stage_plan(play)
-    low, high = _extent(play, stage, reached)
+    low, high = _extent(play, stage, used_area)
     width, depth = high[1] - low[1], high[0] - low[0]
     size = (_WIDTH, round(np.clip(_WIDTH * depth / width, 0.4 * _WIDTH, 1.6 * _WIDTH)) + 60)
     figure = blank_figure(size, facecolor=LIGHT.upper_background)
@@ -49,14 +50,14 @@ def plan(play: Play, reached: Box) -> Figure:
         _draw_box(
             axes, stage.hand_space, "allowed area of the hands", linestyle="--", color=LIGHT.muted
         )
-    _draw_box(axes, reached, "area used by the hands", linestyle=":", color=LIGHT.text)
+    _draw_box(axes, used_area, "area used by the hands", linestyle=":", color=LIGHT.text)
     for name, polygons in stage.obstacles.items():
         for polygon in polygons:
-            axes.fill(polygon[:, 1], polygon[:, 0], color=STONE, linewidth=0.0, zorder=1.5)
-        _write(axes, np.mean(polygons[0], axis=0), name, ha="center", va="center")
-    for name, at in stage.marks.items():
-        axes.plot(at[1], at[0], "+", color=LIGHT.muted, markersize=9.0, zorder=2.0)
-        _write(axes, at, name, (6.0, -7.0), ha="left", va="top", color=LIGHT.muted)
+            axes.fill(polygon[:, 1], polygon[:, 0], color=STONE_COLOUR, linewidth=0.0, zorder=1.5)
+        _write_label(axes, np.mean(polygons[0], axis=0), name, ha="center", va="center")
+    for name, position in stage.marks.items():
+        axes.plot(position[1], position[0], "+", color=LIGHT.muted, markersize=9.0, zorder=2.0)
+        _write_label(axes, position, name, (6.0, -7.0), ha="left", va="top", color=LIGHT.muted)
     for k, name in enumerate(stage.starts):
         _draw_player(axes, play, stage, name, LIGHT.colour(k))
     axes.legend(
@@ -80,7 +81,7 @@ def _draw_player(axes: Axes, play: Play, stage: StagePlan, name: str, colour: st
     )
     _arrow(axes, (start.x, start.y), start.heading, radius, colour)
     axes.plot(start.y, start.x, "o", color=colour, markersize=5.0, zorder=3.0)
-    _write(
+    _write_label(
         axes,
         (start.x, start.y),
         name,
@@ -100,35 +101,35 @@ def _draw_player(axes: Axes, play: Play, stage: StagePlan, name: str, colour: st
         distance = np.cumsum(np.linalg.norm(np.diff(way.places, axis=0), axis=1))
         middle = way.places[1 + int(np.searchsorted(distance, 0.5 * distance[-1]))]
         times = f"{way.begin:.1f} to {way.end:.1f} s"
-        _write(axes, middle, times, (6.0, 0.0), ha="left", va="center", color=colour)
+        _write_label(axes, middle, times, (6.0, 0.0), ha="left", va="center", color=colour)
 
 
-def _arrow(axes: Axes, at: Any, heading: float, length: float, colour: str) -> None:
+def _arrow(axes: Axes, position: Any, heading: float, length: float, colour: str) -> None:
     """Draws an arrow for a heading."""
-    x, y = at[0] + length * np.cos(heading), at[1] + length * np.sin(heading)
+    x, y = position[0] + length * np.cos(heading), position[1] + length * np.sin(heading)
     axes.annotate(
         "",
         (y, x),
-        (at[1], at[0]),
+        (position[1], position[0]),
         zorder=2.6,
         arrowprops={"arrowstyle": "-|>", "color": colour, "linewidth": 1.0},
     )
 
 
-def _draw_box(axes: Axes, box: Box, label: str, **style: Any) -> None:
+def _draw_box(axes: Axes, box: Rectangle, label: str, **style: Any) -> None:
     (x_low, x_high), (y_low, y_high) = box
     y, x = [y_low, y_high, y_high, y_low, y_low], [x_low, x_low, x_high, x_high, x_low]
     axes.plot(y, x, linewidth=1.0, label=label, zorder=1.0, **style)
 
 
-def _write(
-    axes: Axes, at: Any, text: str, offset: tuple[float, float] = (0.0, 0.0), **style: Any
+def _write_label(
+    axes: Axes, position: Any, text: str, offset: tuple[float, float] = (0.0, 0.0), **style: Any
 ) -> None:
     from matplotlib import patheffects
 
     annotation = axes.annotate(
         one_line(text, 30),
-        (at[1], at[0]),
+        (position[1], position[0]),
         offset,
         textcoords="offset points",
         **{"color": LIGHT.text, "fontsize": 8, "zorder": 4.0, **style},
@@ -139,16 +140,16 @@ def _write(
     )
 
 
-def _extent(play: Play, stage: StagePlan, reached: Box) -> tuple[np.ndarray, np.ndarray]:
+def _extent(play: Play, stage: StagePlan, used_area: Rectangle) -> tuple[np.ndarray, np.ndarray]:
     """Smallest and largest (x, y) of everything that is drawn [m]."""
-    drawn = [np.array(reached).T]
+    point_sets = [np.array(used_area).T]
     if stage.hand_space is not None:
-        drawn.append(np.array(stage.hand_space).T)
-    drawn += [np.array([at]) for at in stage.marks.values()]
-    drawn += [polygon for polygons in stage.obstacles.values() for polygon in polygons]
+        point_sets.append(np.array(stage.hand_space).T)
+    point_sets += [np.array([position]) for position in stage.marks.values()]
+    point_sets += [polygon for polygons in stage.obstacles.values() for polygon in polygons]
     for name, start in stage.starts.items():
         radius = play.cast.players[name].radius
-        drawn += [np.array([[start.x, start.y]]) + sign * radius for sign in (-1.0, 1.0)]
-        drawn += [way.places for way in stage.walks[name]]
-    points = np.concatenate(drawn)
+        point_sets += [np.array([[start.x, start.y]]) + sign * radius for sign in (-1.0, 1.0)]
+        point_sets += [way.places for way in stage.walks[name]]
+    points = np.concatenate(point_sets)
     return points.min(axis=0) - _MARGIN, points.max(axis=0) + _MARGIN

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 
 from fantoccini.output.html import Page, Table, write_page
 from fantoccini.output.reports import stand_plots
-from fantoccini.stand import QUANTITIES, lost_lines, remedies
+from fantoccini.stand import QUANTITIES, lost_step_lines, remedies
 
 if TYPE_CHECKING:
     from fantoccini.stand import SlowedRun, StandCheck
 
-MAX_NAMED = 12
+MAX_LISTED_LIMITS = 12
 """Largest number of broken limits that are listed."""
 
 
@@ -47,16 +47,16 @@ def _page(check: StandCheck, slower: tuple[SlowedRun | None, str] | None) -> Pag
     stand = check.map.stand
     page = Page(f"{stand.name}: check", stand.name)
     page.text(stand.about)
-    page.text(_facts(check))
+    page.text(_key_numbers(check))
     page.verdict(check.summary(), check.ok)
     for note in check.notes:
         page.note(note)
     if check.broken:
         page.section("Broken limits")
-        page.table(_broken(check))
+        page.table(_broken_limits_table(check))
         if check.lost:
             page.subsection("Lost steps")
-            page.items(lost_lines(check))
+            page.items(lost_step_lines(check))
         page.section("Remedies")
         page.items(remedies(check))
     if slower is not None:
@@ -70,7 +70,7 @@ def _page(check: StandCheck, slower: tuple[SlowedRun | None, str] | None) -> Pag
         "the distance from the nearer end in per cent of the travel. A catch is a string that "
         "snaps taut; its bound is the impulse at which a stepper motor loses steps."
     )
-    page.drawing(stand_plots.margins(check), f"Margins of the axes of {stand.name}", 0.8)
+    page.drawing(stand_plots.margin_figure(check), f"Margins of the axes of {stand.name}", 0.8)
     page.table(margin_table(check))
     page.section("Torque against speed")
     page.note(
@@ -79,7 +79,7 @@ def _page(check: StandCheck, slower: tuple[SlowedRun | None, str] | None) -> Pag
     )
     page.plots(
         (figure, f"Torque and speed of {', '.join(names)}")
-        for figure, names in stand_plots.torque_and_speed(check)
+        for figure, names in stand_plots.torque_figures(check)
     )
     page.section("Over time")
     page.note(
@@ -87,7 +87,7 @@ def _page(check: StandCheck, slower: tuple[SlowedRun | None, str] | None) -> Pag
     )
     page.plots(
         (figure, f"Motion and torque of {', '.join(names)}")
-        for figure, names in stand_plots.over_time(check)
+        for figure, names in stand_plots.time_figures(check)
     )
     page.note(
         "All of this is computed, for winches without slip or lag; nothing was measured on a "
@@ -96,7 +96,7 @@ def _page(check: StandCheck, slower: tuple[SlowedRun | None, str] | None) -> Pag
     return page
 
 
-def _facts(check: StandCheck) -> str:
+def _key_numbers(check: StandCheck) -> str:
     run = check.run
     puppet = "" if run.puppet is None else f" of {run.puppet.name}"
     return (
@@ -105,7 +105,7 @@ def _facts(check: StandCheck) -> str:
     )
 
 
-def _broken(check: StandCheck) -> Table:
+def _broken_limits_table(check: StandCheck) -> Table:
     lines = tuple(
         (
             f"{limit.broken:.3f}",
@@ -115,9 +115,9 @@ def _broken(check: StandCheck) -> Table:
             f"{limit.bound:.4g}",
             limit.unit,
             f"{limit.t:.3f}",
-            limit.over,
+            limit.excess_text,
         )
-        for limit in check.broken[:MAX_NAMED]
+        for limit in check.broken[:MAX_LISTED_LIMITS]
     )
     header = (
         "first at [s]>",
@@ -135,25 +135,28 @@ def _broken(check: StandCheck) -> Table:
 def margin_table(check: StandCheck) -> Table:
     """Margin of every axis and quantity [%]."""
     checked = {limit.quantity for limit in check.limits} | {"torque"}
-    used = [q for q in QUANTITIES if q in checked]
-    lines, wrong = [], set()
+    quantities = [q for q in QUANTITIES if q in checked]
+    lines, red_lines = [], set()
     for i, axis in enumerate(check.axes):
-        limits = check.of(axis.name)
-        cells = [check.margin_text(axis.name, q) for q in used]
+        limits = check.limits_of_axis(axis.name)
+        cells = [check.margin_text(axis.name, q) for q in quantities]
         lines.append((axis.name, axis.kind, *cells))
         if any(limit.broken is not None for limit in limits.values()):
-            wrong.add(i)
-    header = ("axis", "motor", *(f"{q} [%]>" for q in used))
-    return Table(header, tuple(lines), frozenset(wrong))
+            red_lines.add(i)
+    header = ("axis", "motor", *(f"{q} [%]>" for q in quantities))
+    return Table(header, tuple(lines), frozenset(red_lines))
 
 
-def _slower_table(check: StandCheck, slow: SlowedRun) -> Table:
+def _slower_table(check: StandCheck, slowed_run: SlowedRun) -> Table:
     rows: list[Sequence[str]] = []
     for axis in check.axes:
-        before, after = check.of(axis.name), slow.check.of(axis.name)
-        worst = min(before.values(), key=lambda limit: limit.margin)
-        now = after.get(worst.quantity)
-        margin = "" if now is None else f"{now.margin:.0f}"
+        limits, slowed_limits = (
+            check.limits_of_axis(axis.name),
+            slowed_run.check.limits_of_axis(axis.name),
+        )
+        worst = min(limits.values(), key=lambda limit: limit.margin)
+        slowed_limit = slowed_limits.get(worst.quantity)
+        margin = "" if slowed_limit is None else f"{slowed_limit.margin:.0f}"
         rows.append((axis.name, worst.quantity, f"{worst.margin:.0f}", margin))
-    header = ("axis", "smallest margin", "now [%]>", f"{slow.factor:.3g} times as long [%]>")
+    header = ("axis", "smallest margin", "now [%]>", f"{slowed_run.factor:.3g} times as long [%]>")
     return Table(header, tuple(tuple(row) for row in rows))

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fantoccini.output.reports.panels import WIDTH
+from fantoccini.output.reports.panels import FIGURE_WIDTH
 from fantoccini.output.view import LIGHT, RED, blank_figure, one_line, style_axes
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ Bar = tuple[float, float, str]
 """Start and end [s], and the text in the bar."""
 
 
-def timeline(play: Play) -> Figure:
+def draw_timeline(play: Play) -> Figure:
     """Figure of a play's timeline, in rows of at most a minute."""
     end = play.duration
     rows = max(1, int(np.ceil(end / _MAX_ROW_TIME - 1e-9)))
@@ -38,24 +38,29 @@ def timeline(play: Play) -> Figure:
     captions = _stack_bars(
         [(caption.start, caption.end, str(caption)) for caption in play.score.captions]
     )
-    n = sum(len(player_lanes) for player_lanes in lanes.values()) + len(captions)
+    n_lanes = sum(len(player_lanes) for player_lanes in lanes.values()) + len(captions)
     left = 20.0 + 7.0 * max(len(one_line(name, 18)) for name in (*lanes, "captions"))
-    height = rows * (_LANE_HEIGHT * n + 74)
-    figure = blank_figure((WIDTH, height), facecolor=LIGHT.upper_background)
+    height = rows * (_LANE_HEIGHT * n_lanes + 74)
+    figure = blank_figure((FIGURE_WIDTH, height), facecolor=LIGHT.upper_background)
     for row, axes in enumerate(figure.subplots(rows, 1, squeeze=False)[:, 0]):
-        low = height - (row + 1) * (_LANE_HEIGHT * n + 74) + 40
+        low = height - (row + 1) * (_LANE_HEIGHT * n_lanes + 74) + 40
         axes.set_position(
-            (left / WIDTH, low / height, (WIDTH - left - 14) / WIDTH, _LANE_HEIGHT * n / height)
+            (
+                left / FIGURE_WIDTH,
+                low / height,
+                (FIGURE_WIDTH - left - 14) / FIGURE_WIDTH,
+                _LANE_HEIGHT * n_lanes / height,
+            )
         )
         begin = row * row_time
         axes.set_xlim(begin, begin + row_time)
-        axes.set_ylim(n, 0.0)
+        axes.set_ylim(n_lanes, 0.0)
         style_axes(axes, LIGHT, "x")
         axes.set_xlabel("time [s]", color=LIGHT.text, fontsize=8, labelpad=1.0)
-        scale = (WIDTH - left - 14) / row_time
-        _draw_acts(axes, play, begin, begin + row_time, scale)
-        _draw_players(axes, play, lanes, scale)
-        _draw_captions(axes, captions, n - len(captions), scale)
+        px_per_second = (FIGURE_WIDTH - left - 14) / row_time
+        _draw_acts(axes, play, begin, begin + row_time, px_per_second)
+        _draw_players(axes, play, lanes, px_per_second)
+        _draw_captions(axes, captions, n_lanes - len(captions), px_per_second)
         ticks, labels, y = list[float](), list[str](), 0
         for name, count in (
             *((k, len(player_lanes)) for k, player_lanes in lanes.items()),
@@ -90,11 +95,13 @@ def _lanes(play: Play, cross_width: float) -> dict[str, list[list[tuple[CueOfPla
                 bar = cue.wanted - cross_width, cue.wanted + 0.4 * cross_width, f"{cue.number}"
             else:
                 bar = marks["start"], marks["end"], f"{cue.number} {cue.action}"
-            free = [lane for lane in player_lanes if not lane or lane[-1][1][1] <= bar[0] + 1e-9]
-            if not free:
+            free_lanes = [
+                lane for lane in player_lanes if not lane or lane[-1][1][1] <= bar[0] + 1e-9
+            ]
+            if not free_lanes:
                 player_lanes.append([])
-                free = player_lanes[-1:]
-            free[0].append((cue, bar))
+                free_lanes = player_lanes[-1:]
+            free_lanes[0].append((cue, bar))
         lanes[name] = player_lanes
     return lanes
 
@@ -112,20 +119,22 @@ def _stack_bars(bars: Sequence[Bar]) -> list[list[Bar]]:
     return lanes
 
 
-def _draw_acts(axes: Axes, play: Play, begin: float, end: float, scale: float) -> None:
-    """Draws acts as lines with their names above; ``scale`` in px/s, as below."""
-    starts = [*play.acts.values(), play.duration]
+def _draw_acts(axes: Axes, play: Play, begin: float, end: float, px_per_second: float) -> None:
+    """Draws acts as lines with their names above; ``px_per_second`` in px/s, as below."""
+    act_times = [*play.acts.values(), play.duration]
     for k, (name, start) in enumerate(play.acts.items()):
-        stop = starts[k + 1]
-        if stop <= begin or start >= end:
+        act_end = act_times[k + 1]
+        if act_end <= begin or start >= end:
             continue
-        axes.axvspan(start, stop, color=LIGHT.grid, alpha=0.25 * (k % 2), linewidth=0.0, zorder=0.2)
+        axes.axvspan(
+            start, act_end, color=LIGHT.grid, alpha=0.25 * (k % 2), linewidth=0.0, zorder=0.2
+        )
         axes.axvline(start, color=LIGHT.muted, linewidth=0.8, zorder=1.0)
-        visible = max(start, begin)
-        text = shortened(name, (min(stop, end) - visible) * scale - 6.0)
+        visible_start = max(start, begin)
+        text = shorten(name, (min(act_end, end) - visible_start) * px_per_second - 6.0)
         annotation = axes.annotate(
             text,
-            (visible, 0.0),
+            (visible_start, 0.0),
             (3.0, 4.0),
             textcoords="offset points",
             fontsize=9,
@@ -139,7 +148,10 @@ def _draw_acts(axes: Axes, play: Play, begin: float, end: float, scale: float) -
 
 
 def _draw_players(
-    axes: Axes, play: Play, lanes: dict[str, list[list[tuple[CueOfPlay, Bar]]]], scale: float
+    axes: Axes,
+    play: Play,
+    lanes: dict[str, list[list[tuple[CueOfPlay, Bar]]]],
+    px_per_second: float,
 ) -> None:
     y = 0
     for k, player_lanes in enumerate(lanes.values()):
@@ -148,20 +160,20 @@ def _draw_players(
                 if cue.refused:
                     _draw_refused(axes, cue, y)
                 else:
-                    _draw_bar(axes, bar, y, LIGHT.colour(k), scale)
+                    _draw_bar(axes, bar, y, LIGHT.colour(k), px_per_second)
                     if cue.go:
                         axes.plot(bar[0], y + 0.5, "|", color=LIGHT.text, markersize=14.0)
             y += 1
 
 
-def _draw_captions(axes: Axes, lanes: list[list[Bar]], y: int, scale: float) -> None:
+def _draw_captions(axes: Axes, lanes: list[list[Bar]], y: int, px_per_second: float) -> None:
     for lane in lanes:
         for bar in lane:
-            _draw_bar(axes, bar, y, "#8a857a", scale)
+            _draw_bar(axes, bar, y, "#8a857a", px_per_second)
         y += 1
 
 
-def _draw_bar(axes: Axes, bar: Bar, y: int, colour: str, scale: float) -> None:
+def _draw_bar(axes: Axes, bar: Bar, y: int, colour: str, px_per_second: float) -> None:
     begin, end, label = bar
     low, high = axes.get_xlim()
     if end <= low or begin >= high:
@@ -169,11 +181,11 @@ def _draw_bar(axes: Axes, bar: Bar, y: int, colour: str, scale: float) -> None:
     axes.barh(
         y + 0.5, end - begin, 0.8, begin, color=colour, alpha=0.28, edgecolor=colour, linewidth=0.8
     )
-    visible = max(begin, low)
-    text = shortened(label, (min(end, high) - visible) * scale - 5.0)
+    visible_start = max(begin, low)
+    text = shorten(label, (min(end, high) - visible_start) * px_per_second - 5.0)
     annotation = axes.annotate(
         text,
-        (visible, y + 0.5),
+        (visible_start, y + 0.5),
         (2.5, 0.0),
         textcoords="offset points",
         fontsize=7.5,
@@ -203,7 +215,7 @@ def _draw_refused(axes: Axes, cue: CueOfPlay, y: int) -> None:
     )
 
 
-def shortened(label: str, width: float) -> str:
+def shorten(label: str, width: float) -> str:
     """The text, shortened to a width [px]; of a cue at least the number is kept, if it fits."""
     max_letters = int(width / _LETTER_WIDTH)
     text = one_line(label, 80)

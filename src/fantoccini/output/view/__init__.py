@@ -9,7 +9,7 @@ for ``renderer="pyvista"``.
 
 from fantoccini.output.view import rope
 from fantoccini.output.view.body_maps import body_map_picture
-from fantoccini.output.view.camera import Camera, fit, point_of_view
+from fantoccini.output.view.camera import Camera, fit_camera, point_of_view
 from fantoccini.output.view.drawing import DPI, blank_figure, one_line, style_axes
 from fantoccini.output.view.films import MAX_GIF_FPS, FilmError, film
 from fantoccini.output.view.geometry import (
@@ -17,31 +17,31 @@ from fantoccini.output.view.geometry import (
     Guides,
     chain_points,
     force_arrows,
-    geometry_at,
-    geometry_of,
     round_down,
-    spread,
+    run_geometry,
+    spread_indices,
     spring_ends,
+    state_geometry,
 )
-from fantoccini.output.view.meshes import TriangleMesh, coloured, frame_along, triangles
+from fantoccini.output.view.meshes import TriangleMesh, coloured_surfaces, frame_along, triangulate
 from fantoccini.output.view.notebook import puppet_html, run_html
 from fantoccini.output.view.optima import optimum_picture
 from fantoccini.output.view.pictures import draw, pose_times, strip
 from fantoccini.output.view.plans import MAX_DOTS, PATH_COLOUR, plan_picture
 from fantoccini.output.view.plots import plot
-from fantoccini.output.view.shapes import handles
-from fantoccini.output.view.silhouettes import Solid, box, capsule
-from fantoccini.output.view.still import Drawable, Still
-from fantoccini.output.view.stills import AUDIENCE, Stills
+from fantoccini.output.view.shapes import handle_solids
+from fantoccini.output.view.silhouettes import Solid, box_solid, capsule_solid
+from fantoccini.output.view.still import Drawable, UncompiledPuppet
+from fantoccini.output.view.stills import AUDIENCE, ActStills
 from fantoccini.output.view.studio import RENDERERS
 from fantoccini.output.view.subtitles import save_captions
 from fantoccini.output.view.theme import (
     DARK,
     LIGHT,
     RED,
-    STONE,
+    STONE_COLOUR,
     Theme,
-    mix,
+    mix_colours,
     rgb,
     theme_of,
     to_bytes,
@@ -58,32 +58,30 @@ __all__ = [
     "PATH_COLOUR",
     "RED",
     "RENDERERS",
-    "STONE",
+    "STONE_COLOUR",
+    "ActStills",
     "Camera",
     "Drawable",
     "FilmError",
     "Geometry",
     "Guides",
     "Solid",
-    "Still",
-    "Stills",
     "Theme",
     "TriangleMesh",
+    "UncompiledPuppet",
     "blank_figure",
     "body_map_picture",
-    "box",
-    "capsule",
+    "box_solid",
+    "capsule_solid",
     "chain_points",
-    "coloured",
+    "coloured_surfaces",
     "draw",
     "film",
-    "fit",
+    "fit_camera",
     "force_arrows",
     "frame_along",
-    "geometry_at",
-    "geometry_of",
-    "handles",
-    "mix",
+    "handle_solids",
+    "mix_colours",
     "one_line",
     "optimum_picture",
     "plan_picture",
@@ -94,14 +92,16 @@ __all__ = [
     "rgb",
     "rope",
     "round_down",
+    "run_geometry",
     "run_html",
     "save_captions",
-    "spread",
+    "spread_indices",
     "spring_ends",
+    "state_geometry",
     "strip",
     "style_axes",
     "theme_of",
     "to_bytes",
     "to_hex",
-    "triangles",
+    "triangulate",
 ]

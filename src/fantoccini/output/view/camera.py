@@ -15,7 +15,7 @@ import numpy as np
 PRESETS = ("auto", "front", "side", "three-quarter")
 """Names of the points of view of :func:`point_of_view`."""
 
-_VIEWS = {
+_PRESET_ANGLES = {
     "front": (0.0, np.radians(5.0)),
     "side": (0.5 * np.pi, np.radians(6.0)),
     "three-quarter": (-np.radians(32.0), np.radians(9.0)),
@@ -95,20 +95,20 @@ class Camera:
         return offset @ self.axes[:2] - self.axes[2]
 
 
-def axes(azimuth: float, elevation: float) -> np.ndarray:
+def camera_axes(azimuth: float, elevation: float) -> np.ndarray:
     """(3, 3) rows right, up, back of a camera at this azimuth and elevation [rad]."""
     ca, sa = np.cos(azimuth), np.sin(azimuth)
     ce, se = np.cos(elevation), np.sin(elevation)
     return np.array([[-sa, ca, 0.0], [-se * ca, -se * sa, ce], [ce * ca, ce * sa, se]])
 
 
-def fit(
+def fit_camera(
     points: np.ndarray,
     radii: np.ndarray,
     azimuth: float,
     elevation: float,
     aspect: float,
-    opening: float = np.radians(24.0),
+    field_of_view: float = np.radians(24.0),
     margin: float = 0.04,
 ) -> Camera:
     """Nearest camera on a line of sight that has every ball in the picture.
@@ -121,24 +121,24 @@ def fit(
         radii: (n,) radii [m].
         azimuth, elevation: line of sight [rad].
         aspect: width over height of the picture.
-        opening: vertical field of view [rad].
+        field_of_view: vertical field of view [rad].
         margin: share of the picture left free on each side.
     """
-    rows = axes(azimuth, elevation)
-    local = points @ rows.T
-    tangent = np.tan(0.5 * opening)
-    middles, distances = [], []
+    camera_rows = camera_axes(azimuth, elevation)
+    local = points @ camera_rows.T
+    tangent = np.tan(0.5 * field_of_view)
+    offsets, distances = [], []
     for k, tan in ((0, tangent * aspect), (1, tangent)):
         tan *= 1.0 - 2.0 * margin
         spread = radii * np.hypot(1.0, tan)
         high = np.max(local[:, k] + local[:, 2] * tan + spread)
         low = np.max(-local[:, k] + local[:, 2] * tan + spread)
-        middles.append(0.5 * (high - low))
+        offsets.append(0.5 * (high - low))
         distances.append(0.5 * (high + low) / tan)
     # Stay in front of the nearest ball.
     nearest = np.max(local[:, 2] + radii)
     distance = max(*distances, nearest + 0.05 * max(1e-3, float(np.ptp(local[:, :2])), radii.max()))
-    return Camera(np.array([*middles, distance]) @ rows, rows, float(tangent))
+    return Camera(np.array([*offsets, distance]) @ camera_rows, camera_rows, float(tangent))
 
 
 def point_of_view(
@@ -157,14 +157,14 @@ def point_of_view(
         return float(np.radians(azimuth)), float(np.radians(elevation))
     if view not in PRESETS:
         raise ValueError(f"there is no view {view!r}; the views are {', '.join(PRESETS)}")
-    front, flat = _front(points, plane)
+    front, flat = _front_azimuth(points, plane)
     if view == "auto":
         view = "front" if flat else "three-quarter"
-    turn, elevation = _VIEWS[view]
-    return front + turn, elevation
+    azimuth_from_front, elevation = _PRESET_ANGLES[view]
+    return front + azimuth_from_front, elevation
 
 
-def _front(points: np.ndarray, plane: str | None) -> tuple[float, bool]:
+def _front_azimuth(points: np.ndarray, plane: str | None) -> tuple[float, bool]:
     """Azimuth of the motion's front [rad], and whether the motion is flat."""
     level = points[:, :2] - points[:, :2].mean(axis=0)
     size = float(np.ptp(points, axis=0).max())

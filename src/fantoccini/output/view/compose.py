@@ -10,14 +10,20 @@ from fantoccini.model.tree import WORLD
 from fantoccini.output.view.camera import Camera, Viewport
 from fantoccini.output.view.geometry import Geometry, StringCurve
 from fantoccini.output.view.order import BoxFaces, Occluder, StringPiece, painting_order
-from fantoccini.output.view.silhouettes import CLEAR, Polygon, Solid, paint, shadow
+from fantoccini.output.view.silhouettes import (
+    TRANSPARENT,
+    Polygon,
+    Solid,
+    paint_solid,
+    shadow_outline,
+)
 from fantoccini.output.view.stage_set import StageSet
-from fantoccini.output.view.theme import Theme, mix
+from fantoccini.output.view.theme import Theme, mix_colours
 
 MIN_DEPTH = 1e-6
 """Distance from the eye below which nothing is drawn [m]."""
 
-_THREAD = 0.9
+_THREAD_WIDTH = 0.9
 """Width of strings in the theme's colour, in line widths."""
 _SHADOW_LAYERS = (9.0, 6.0, 3.5, 1.2, 0.0)
 """Widths of the nested outlines that soften a shadow's edge, in line widths."""
@@ -58,30 +64,30 @@ class Layout:
         return self.colours[int(share * (len(self.colours) - 1))]
 
 
-def compose(geometry: Geometry, k: int, layout: Layout) -> list[Polygon]:
+def compose_polygons(geometry: Geometry, k: int, layout: Layout) -> list[Polygon]:
     """Polygons of the geometry at time ``t[k]``, in painting order."""
     camera, viewport = layout.camera, layout.viewport
-    painted: list[list[Polygon]] = []
+    polygons_by_solid: list[list[Polygon]] = []
     occluders: list[Occluder] = []
     for solid in (*geometry.solids, *layout.handles):
-        pose = pose_of(solid, geometry.poses[k])
+        pose = solid_pose(solid, geometry.poses[k])
         if not np.isfinite(pose).all():
             continue
-        if polygons := paint(solid, pose, camera, viewport, layout.theme, layout.line_width):
-            painted.append(polygons)
-            occluders.append(occluder(solid, pose, polygons))
-    strings = lines(geometry, k, layout)
-    composed = shadows(geometry, k, layout)
-    for item in painting_order(camera, viewport, occluders, [line.points for line in strings]):
-        if isinstance(item, StringPiece):
-            line = strings[item.string]
-            composed.append(_stroke(line, line.points[item.start : item.stop + 1], layout))
+        if polygons := paint_solid(solid, pose, camera, viewport, layout.theme, layout.line_width):
+            polygons_by_solid.append(polygons)
+            occluders.append(make_occluder(solid, pose, polygons))
+    strings = string_lines(geometry, k, layout)
+    composed = shadow_polygons(geometry, k, layout)
+    for entry in painting_order(camera, viewport, occluders, [line.points for line in strings]):
+        if isinstance(entry, StringPiece):
+            line = strings[entry.string]
+            composed.append(_stroke(line, line.points[entry.start : entry.stop + 1], layout))
         else:
-            composed += painted[item]
-    return composed + arrows(geometry, k, layout) + guides(geometry, k, layout)
+            composed += polygons_by_solid[entry]
+    return composed + arrow_polygons(geometry, k, layout) + guide_strokes(geometry, k, layout)
 
 
-def guides(geometry: Geometry, k: int, layout: Layout) -> list[Polygon]:
+def guide_strokes(geometry: Geometry, k: int, layout: Layout) -> list[Polygon]:
     """Guides, lines that the motion is compared with, at time ``t[k]``, in front of everything."""
     colour, strokes = layout.theme.force, []
     for line in geometry.guides:
@@ -91,7 +97,7 @@ def guides(geometry: Geometry, k: int, layout: Layout) -> list[Polygon]:
     return strokes
 
 
-def arrows(geometry: Geometry, k: int, layout: Layout) -> list[Polygon]:
+def arrow_polygons(geometry: Geometry, k: int, layout: Layout) -> list[Polygon]:
     """Arrows of forces at time ``t[k]``, in front of everything."""
     colour, polygons = layout.theme.force, []
     for arrow in geometry.arrows[k] if geometry.arrows else ():
@@ -101,27 +107,30 @@ def arrows(geometry: Geometry, k: int, layout: Layout) -> list[Polygon]:
         (x0, y0), (x1, y1) = layout.camera.project(arrow, layout.viewport)[:, :2]
         length = np.hypot(x1 - x0, y1 - y0)
         if length > 0.0:
-            along = np.array([x1 - x0, y1 - y0]) / length
-            head = min(7.0 * layout.line_width, length)
-            side = 0.4 * head * np.array([-along[1], along[0]])
-            tip, base = np.array([x1, y1]) + 0.3 * head * along, np.array([x1, y1]) - head * along
+            direction = np.array([x1 - x0, y1 - y0]) / length
+            head_length = min(7.0 * layout.line_width, length)
+            side = 0.4 * head_length * np.array([-direction[1], direction[0]])
+            tip, base = (
+                np.array([x1, y1]) + 0.3 * head_length * direction,
+                np.array([x1, y1]) - head_length * direction,
+            )
             corners = np.array([tip, base + side, base - side])
-            polygons.append(Polygon(corners, (*colour, 1.0), CLEAR, 0.0))
+            polygons.append(Polygon(corners, (*colour, 1.0), TRANSPARENT, 0.0))
     return polygons
 
 
-def occluder(solid: Solid, pose: np.ndarray, polygons: list[Polygon]) -> Occluder:
+def make_occluder(solid: Solid, pose: np.ndarray, polygons: list[Polygon]) -> Occluder:
     """Occluder of a solid at its link's pose (3, 4), from its painted polygons."""
     # The first polygon of a round solid contains all others.
     outlines = polygons if solid.kind == "faces" else polygons[:1]
     corners = np.concatenate([p.outline for p in outlines])
-    turn = pose[:, :3]
-    half = solid.radius * np.eye(3) if solid.kind == "capsule" else solid.half
+    rotation = pose[:, :3]
+    half_axes = solid.radius * np.eye(3) if solid.kind == "capsule" else solid.half_axes
     return Occluder(
-        axis=solid.axis @ turn.T + pose[:, 3],
-        girth=solid.girth,
-        unit=np.linalg.inv(half) @ turn.T,
-        slides=solid.kind == "capsule",
+        axis=solid.axis @ rotation.T + pose[:, 3],
+        half_thickness=solid.half_thickness,
+        to_unit_ball=np.linalg.inv(half_axes) @ rotation.T,
+        is_capsule=solid.kind == "capsule",
         bounds=np.concatenate([corners.min(axis=0), corners.max(axis=0)]),
         faces=_box_faces(solid, pose),
     )
@@ -137,12 +146,12 @@ def _box_faces(solid: Solid, pose: np.ndarray) -> BoxFaces | None:
     return BoxFaces(normals, quads.mean(axis=1))
 
 
-def pose_of(solid: Solid, poses: np.ndarray) -> np.ndarray:
+def solid_pose(solid: Solid, poses: np.ndarray) -> np.ndarray:
     """Pose (3, 4) of a solid's link, or of the world, from link poses (n_links, 3, 4)."""
     return np.eye(3, 4) if solid.link == WORLD else poses[solid.link]
 
 
-def shadows(geometry: Geometry, k: int, layout: Layout) -> list[Polygon]:
+def shadow_polygons(geometry: Geometry, k: int, layout: Layout) -> list[Polygon]:
     """Soft shadows on the floor: nested translucent outlines, fainter for higher solids.
 
     Those of a stage are a picture, :func:`stage_shadows`.
@@ -153,12 +162,14 @@ def shadows(geometry: Geometry, k: int, layout: Layout) -> list[Polygon]:
     ray = np.array([0.10 * right[0] - 0.06 * back[0], 0.10 * right[1] - 0.06 * back[1], -1.0])
     polygons = []
     for solid in geometry.solids:
-        pose = pose_of(solid, geometry.poses[k])
+        pose = solid_pose(solid, geometry.poses[k])
         centre = pose[2, :3] @ solid.axis.mean(axis=0) + pose[2, 3]
         height = centre - geometry.floor
         if not np.isfinite(height) or height <= 0.0:
             continue
-        outline = layout.camera.project(shadow(solid, pose, geometry.floor, ray), layout.viewport)
+        outline = layout.camera.project(
+            shadow_outline(solid, pose, geometry.floor, ray), layout.viewport
+        )
         if np.any(outline[:, 2] <= MIN_DEPTH):
             continue
         strength = layout.theme.shadow_opacity / (1.0 + 2.2 * height / geometry.size)
@@ -166,7 +177,10 @@ def shadows(geometry: Geometry, k: int, layout: Layout) -> list[Polygon]:
         colour = (*layout.theme.shadow, strength)
         polygons += [
             Polygon(
-                outline[:, :2], colour, colour if w else CLEAR, 2.0 * w * spread * layout.line_width
+                outline[:, :2],
+                colour,
+                colour if w else TRANSPARENT,
+                2.0 * w * spread * layout.line_width,
             )
             for w in _SHADOW_LAYERS
         ]
@@ -182,18 +196,18 @@ class Line:
     colour: np.ndarray
 
 
-def lines(geometry: Geometry, k: int, layout: Layout) -> list[Line]:
+def string_lines(geometry: Geometry, k: int, layout: Layout) -> list[Line]:
     """Strings and springs at time ``t[k]``, except those behind the eye."""
     curves = []
     for string in geometry.string_curves(k):
         width = (1.75 if string.wire else 1.35) if string.taut else 0.95
-        plain = layout.theme.thread is not None and string.colour is None
-        width = _THREAD if plain else width
+        is_plain = layout.theme.thread is not None and string.colour is None
+        width = _THREAD_WIDTH if is_plain else width
         curves.append((string.points, width, layout.string_colour(string)))
-    steel = mix(layout.theme.muted, layout.theme.text, 0.4)
-    curves += [(_coil(ends[k], layout), 1.0, steel) for ends in geometry.springs]
+    steel = mix_colours(layout.theme.muted, layout.theme.text, 0.4)
+    curves += [(_zigzag(ends[k], layout), 1.0, steel) for ends in geometry.springs]
     return [
-        Line(_refined(points), width * layout.line_width, colour)
+        Line(_subdivided(points), width * layout.line_width, colour)
         for points, width, colour in curves
         if np.isfinite(points).all() and np.all(layout.camera.to_camera(points)[:, 2] > MIN_DEPTH)
     ]
@@ -201,35 +215,42 @@ def lines(geometry: Geometry, k: int, layout: Layout) -> list[Line]:
 
 def _stroke(line: Line, points: np.ndarray, layout: Layout) -> Polygon:
     """Outline (2 n, 2) of part of a line, lengthened by half a pixel at both ends."""
-    placed = layout.camera.project(points, layout.viewport)[:, :2]
-    along = np.diff(placed, axis=0)
-    along /= np.maximum(np.hypot(along[:, :1], along[:, 1:]), 1e-9)
-    placed[0] -= 0.5 * along[0]
-    placed[-1] += 0.5 * along[-1]
-    normals = np.column_stack([-along[:, 1], along[:, 0]])
-    before, after = np.vstack([normals[:1], normals]), np.vstack([normals, normals[-1:]])
+    pixels = layout.camera.project(points, layout.viewport)[:, :2]
+    directions = np.diff(pixels, axis=0)
+    directions /= np.maximum(np.hypot(directions[:, :1], directions[:, 1:]), 1e-9)
+    pixels[0] -= 0.5 * directions[0]
+    pixels[-1] += 0.5 * directions[-1]
+    normals = np.column_stack([-directions[:, 1], directions[:, 0]])
+    normals_before, normals_after = (
+        np.vstack([normals[:1], normals]),
+        np.vstack([normals, normals[-1:]]),
+    )
     # The mean of a corner's normals, lengthened to keep the width, except in sharp bends.
-    mean = before + after
-    mean *= 1.0 / np.maximum(0.5 * np.sum(mean * mean, axis=1, keepdims=True), 0.6)
-    side = 0.5 * line.width * mean
-    outline = np.vstack([placed + side, (placed - side)[::-1]])
-    return Polygon(outline, (*line.colour, 1.0), CLEAR, 0.0)
+    mean_normals = normals_before + normals_after
+    mean_normals *= 1.0 / np.maximum(
+        0.5 * np.sum(mean_normals * mean_normals, axis=1, keepdims=True), 0.6
+    )
+    side = 0.5 * line.width * mean_normals
+    outline = np.vstack([pixels + side, (pixels - side)[::-1]])
+    return Polygon(outline, (*line.colour, 1.0), TRANSPARENT, 0.0)
 
 
-def _refined(points: np.ndarray, pieces: int = 40) -> np.ndarray:
+def _subdivided(points: np.ndarray, pieces: int = 40) -> np.ndarray:
     """The polyline with added points: no piece is longer than 1 / ``pieces`` of its length."""
     lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    limit = max(float(lengths.sum()) / pieces, 1e-9)
-    parts = [points[:1]]
-    for a, b, n in zip(points[:-1], points[1:], np.ceil(lengths / limit).astype(int), strict=True):
-        parts.append(a + np.linspace(0.0, 1.0, max(1, n) + 1)[1:, None] * (b - a))
-    return np.concatenate(parts)
+    max_length = max(float(lengths.sum()) / pieces, 1e-9)
+    pieces_of_points = [points[:1]]
+    for a, b, n in zip(
+        points[:-1], points[1:], np.ceil(lengths / max_length).astype(int), strict=True
+    ):
+        pieces_of_points.append(a + np.linspace(0.0, 1.0, max(1, n) + 1)[1:, None] * (b - a))
+    return np.concatenate(pieces_of_points)
 
 
-def _coil(ends: np.ndarray, layout: Layout, turns: int = 9) -> np.ndarray:
+def _zigzag(ends: np.ndarray, layout: Layout, turns: int = 9) -> np.ndarray:
     """Zigzag (n, 3) between two points, perpendicular to the line of sight [m]."""
-    along = ends[1] - ends[0]
-    across = np.cross(along, layout.camera.axes[2])
+    direction = ends[1] - ends[0]
+    across = np.cross(direction, layout.camera.axes[2])
     size = np.linalg.norm(across)
     if size < 1e-9:
         return ends
@@ -238,5 +259,5 @@ def _coil(ends: np.ndarray, layout: Layout, turns: int = 9) -> np.ndarray:
     steps = np.linspace(0.12, 0.88, 2 * turns + 1)
     swing = np.where(np.arange(2 * turns + 1) % 2, 1.0, -1.0)
     swing[[0, -1]] = 0.0
-    middle = ends[0] + steps[:, None] * along + swing[:, None] * across
-    return np.concatenate([ends[:1], middle, ends[1:]])
+    zigzag = ends[0] + steps[:, None] * direction + swing[:, None] * across
+    return np.concatenate([ends[:1], zigzag, ends[1:]])

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fantoccini.output.view.drawing import blank_figure, one_line, style_axes
-from fantoccini.output.view.pictures import check_path, save
+from fantoccini.output.view.pictures import check_picture_path, save_figure
 from fantoccini.output.view.theme import Theme, theme_of
 
 if TYPE_CHECKING:
@@ -59,7 +59,7 @@ class Panel:
     log_x: bool = True
 
 
-def slope(label: str, x: np.ndarray, y: np.ndarray, order: float) -> Curve:
+def power_law(label: str, x: np.ndarray, y: np.ndarray, order: float) -> Curve:
     """Reference line y ~ x^order just above the last positive measured point."""
     x, y = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
     last = np.flatnonzero(y > 0.0)[-1] if np.any(y > 0.0) else len(y) - 1
@@ -67,7 +67,7 @@ def slope(label: str, x: np.ndarray, y: np.ndarray, order: float) -> Curve:
     return Curve(label, x, line, marked=False, faint=True)
 
 
-def curves(
+def draw_panels(
     panels: Sequence[Panel],
     path: str | os.PathLike[str],
     theme: str | Theme = "light",
@@ -86,16 +86,16 @@ def curves(
     Returns:
         The path of the picture.
     """
-    path, theme = check_path(path), theme_of(theme)
+    path, theme = check_picture_path(path), theme_of(theme)
     shape = (len(panels) * size[0], size[1])
     figure = blank_figure(shape, facecolor=theme.upper_background)
     figure.set_layout_engine("constrained", w_pad=0.15, h_pad=0.1)
     for axes, panel in zip(figure.subplots(1, len(panels), squeeze=False)[0], panels, strict=True):
-        _panel(axes, panel, theme)
-    return save(figure, path, scale)
+        _draw_panel(axes, panel, theme)
+    return save_figure(figure, path, scale)
 
 
-def _panel(axes: Axes, panel: Panel, theme: Theme) -> None:
+def _draw_panel(axes: Axes, panel: Panel, theme: Theme) -> None:
     n_measured = 0
     for curve in panel.curves:
         x, y = np.asarray(curve.x, dtype=float), np.asarray(curve.y, dtype=float)

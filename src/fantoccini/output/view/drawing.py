@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from fantoccini.output.view.camera import Viewport, fit, point_of_view
+from fantoccini.output.view.camera import Viewport, fit_camera, point_of_view
 from fantoccini.output.view.compose import Layout
 from fantoccini.output.view.geometry import Geometry, round_down
-from fantoccini.output.view.shapes import handles
+from fantoccini.output.view.shapes import handle_solids
 from fantoccini.output.view.silhouettes import Polygon
-from fantoccini.output.view.stage_set import LOOKS, STAGE, StageSet, darkness
-from fantoccini.output.view.theme import Theme, mix, theme_of
+from fantoccini.output.view.stage_set import LOOKS, STAGE_THEME, StageSet, vignette
+from fantoccini.output.view.theme import Theme, mix_colours, theme_of
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -30,8 +30,8 @@ if TYPE_CHECKING:
 DPI = 100.0
 """Pixels per inch of a sheet; a pixel is 0.72 points."""
 
-_POINTS = 72.0 / DPI
-_STAGE_LINES = 0.6
+_POINTS_PER_PIXEL = 72.0 / DPI
+_STAGE_LINE_WIDTH = 0.6
 """Width of lines on a stage, relative to those of a diagram."""
 
 
@@ -54,7 +54,7 @@ class PictureOptions:
     look: str = "diagram"
 
     @classmethod
-    def of(
+    def resolve(
         cls,
         view: str | tuple[float, float] = "auto",
         focus: str | None = None,
@@ -69,12 +69,18 @@ class PictureOptions:
         focus = focus or ("bodies" if stage else "all")
         if focus not in ("all", "bodies"):
             raise ValueError(f"focus is {focus!r}; it can be all or bodies")
-        named = theme_of(theme)
+        resolved_theme = theme_of(theme)
         if stage and isinstance(theme, str) and theme != "light":
             raise ValueError(
                 f"theme is {theme!r} with look='stage', which has its own colours; leave it out"
             )
-        return cls(view, focus, STAGE if stage and named is not theme else named, size, look)
+        return cls(
+            view,
+            focus,
+            STAGE_THEME if stage and resolved_theme is not theme else resolved_theme,
+            size,
+            look,
+        )
 
 
 def one_line(text: str, max_length: int = 60) -> str:
@@ -107,7 +113,7 @@ def style_axes(
     axes.set_axisbelow(True)
 
 
-def layout_of(
+def fit_layout(
     geometry: Geometry,
     viewport: Viewport,
     options: PictureOptions,
@@ -125,15 +131,15 @@ def layout_of(
     """
     centres, radii = geometry.balls(strings=options.focus == "all", pan=pan)
     azimuth, elevation = point_of_view(options.view, centres, geometry.plane)
-    camera = fit(
+    camera = fit_camera(
         *geometry.with_shadows(centres, radii), azimuth, elevation, viewport.width / viewport.height
     )
     line_width = max(0.6, 1.9 * (min(viewport.height, 1.6 * viewport.width) / 720.0) ** 0.7)
     theme = options.theme
     full_scale = geometry.tension_full_scale() if full_scale is None else full_scale
-    stage = StageSet.of(geometry, camera) if options.look == "stage" else None
-    line_width *= 1.0 if stage is None else _STAGE_LINES
-    beads = () if stage is not None else tuple(handles(geometry.tree, theme, geometry.size))
+    stage = StageSet.around_motion(geometry, camera) if options.look == "stage" else None
+    line_width *= 1.0 if stage is None else _STAGE_LINE_WIDTH
+    beads = () if stage is not None else tuple(handle_solids(geometry.tree, theme, geometry.size))
     colours = theme.tension_colours()
     return Layout(camera, viewport, theme, line_width, full_scale, colours, beads, stage)
 
@@ -154,11 +160,11 @@ class Sheet:
         self.axes.set_axis_off()
         rows = np.linspace(0.0, 1.0, 128)[:, None, None]
         pixels = np.clip(
-            mix(theme.lower_background, theme.upper_background, np.sqrt(rows)), 0.0, 1.0
+            mix_colours(theme.lower_background, theme.upper_background, np.sqrt(rows)), 0.0, 1.0
         )
-        self.image(pixels, (0.0, self.width, 0.0, self.height), 0.0)
+        self.add_image(pixels, (0.0, self.width, 0.0, self.height), 0.0)
 
-    def image(
+    def add_image(
         self,
         pixels: np.ndarray,
         extent: tuple[float, float, float, float],
@@ -184,13 +190,13 @@ class Sheet:
         """The whole sheet."""
         return Viewport(0.0, 0.0, self.width, self.height)
 
-    def shadows(self, pixels: np.ndarray, frame: Viewport, animated: bool = False) -> AxesImage:
+    def add_shadows(self, pixels: np.ndarray, frame: Viewport, animated: bool = False) -> AxesImage:
         """Adds the picture of the shadows on a stage, between the set and the puppets."""
-        return self.image(pixels, frame.extent, 1.5, animated)
+        return self.add_image(pixels, frame.extent, 1.5, animated)
 
-    def darkness(self, frame: Viewport, animated: bool = False) -> AxesImage:
+    def add_vignette(self, frame: Viewport, animated: bool = False) -> AxesImage:
         """Adds the darkness at the edges of a frame, in front of everything in it."""
-        return self.image(darkness(frame), frame.extent, 3.5, animated)
+        return self.add_image(vignette(frame), frame.extent, 3.5, animated)
 
     def clip(self, artist: Artist, frame: Viewport) -> None:
         """Hides what an artist draws outside of a frame."""
@@ -200,12 +206,12 @@ class Sheet:
         box = Bbox.from_extents(left, bottom, right, top)
         artist.set_clip_box(TransformedBbox(box, self.axes.transData))
 
-    def floor(
+    def add_floor(
         self,
         geometry: Geometry,
         layout: Layout,
         grid: bool = True,
-        middle: np.ndarray | None = None,
+        light_centre: np.ndarray | None = None,
         animated: bool = False,
         frame: Viewport | None = None,
     ) -> list[Artist]:
@@ -215,7 +221,8 @@ class Sheet:
             geometry: geometry with the floor.
             layout: camera and theme.
             grid: whether to draw grid lines.
-            middle: (3,) centre of the light [m]; by default the light covers the whole motion.
+            light_centre: (3,) centre of the light [m]; by default the light covers the whole
+                motion.
             animated: whether matplotlib draws it only on request, as for animations.
             frame: rectangle that the set of a stage fills; the whole sheet by default.
 
@@ -227,11 +234,13 @@ class Sheet:
         if layout.stage is not None:
             frame = frame or self.frame
             pixels = layout.stage.pixels(camera, layout.viewport, frame)
-            return [self.image(pixels, frame.extent, 0.5, animated)]
+            return [self.add_image(pixels, frame.extent, 0.5, animated)]
         if camera.eye[2] <= geometry.floor + 0.02 * geometry.size:
             return artists
-        centre, reach = (
-            _light_spot(geometry) if middle is None else (middle[:2], 0.9 * geometry.size)
+        centre, radius = (
+            _light_spot(geometry)
+            if light_centre is None
+            else (light_centre[:2], 0.9 * geometry.size)
         )
         width, height = self.figure.bbox.width, self.figure.bbox.height
         x = np.linspace(0.0, width, 1 + int(width) // 4)
@@ -240,7 +249,7 @@ class Sheet:
         with np.errstate(divide="ignore", invalid="ignore"):
             depth = (geometry.floor - camera.eye[2]) / rays[..., 2]
             points = camera.eye[:2] + depth[..., None] * rays[..., :2]
-            distance = np.linalg.norm(points - centre, axis=-1) / (1.25 * reach)
+            distance = np.linalg.norm(points - centre, axis=-1) / (1.25 * radius)
         light = np.where(
             (depth > 0.0) & (distance < 1.0), (1.0 - np.minimum(distance, 1.0) ** 2) ** 2, 0.0
         )
@@ -249,25 +258,25 @@ class Sheet:
             # Only the lit part: the time to stretch an image grows with its area.
             rows = slice(lit_rows[0], lit_rows[-1] + 1)
             columns = slice(lit_columns[0], lit_columns[-1] + 1)
-            lit = light[rows, columns]
-            pixels = np.empty((*lit.shape, 4))
-            pixels[..., :3], pixels[..., 3] = theme.floor[:3], theme.floor[3] * lit
-            across, up = width / light.shape[1], height / light.shape[0]
+            lit_pixels = light[rows, columns]
+            pixels = np.empty((*lit_pixels.shape, 4))
+            pixels[..., :3], pixels[..., 3] = theme.floor[:3], theme.floor[3] * lit_pixels
+            pixel_width, pixel_height = width / light.shape[1], height / light.shape[0]
             extent = (
-                columns.start * across,
-                columns.stop * across,
-                rows.start * up,
-                rows.stop * up,
+                columns.start * pixel_width,
+                columns.stop * pixel_width,
+                rows.start * pixel_height,
+                rows.stop * pixel_height,
             )
-            artists.append(self.image(pixels, extent, 1.0, animated))
+            artists.append(self.add_image(pixels, extent, 1.0, animated))
         if grid:
-            lines = _grid(geometry, layout, centre, reach)
+            lines = _grid_lines(geometry, layout, centre, radius)
             lines.set_animated(animated)
             self.axes.add_collection(lines, autolim=False)
             artists.append(lines)
         return artists
 
-    def polygons(
+    def add_polygons(
         self, polygons: list[Polygon], zorder: float = 2.0, animated: bool = False
     ) -> PolyCollection:
         """Adds a collection of polygons, painted in the given order."""
@@ -280,7 +289,7 @@ class Sheet:
         set_polygons(collection, polygons)
         return collection
 
-    def write(
+    def add_text(
         self, x: float, y: float, text: str, size: float, colour: np.ndarray, **options: Any
     ) -> Text:
         """Adds plain text, without parsing formulas.
@@ -296,7 +305,7 @@ class Sheet:
             x,
             y,
             one_line(text),
-            fontsize=size * _POINTS,
+            fontsize=size * _POINTS_PER_PIXEL,
             color=colour,
             parse_math=False,
             usetex=False,
@@ -304,9 +313,9 @@ class Sheet:
             **options,
         )
 
-    def title(self, text: str, unit: float, y: float, animated: bool = False) -> Text:
+    def add_title(self, text: str, unit: float, y: float, animated: bool = False) -> Text:
         """Adds the title at the left, with its top at height y, in multiples of ``unit`` [px]."""
-        return self.write(
+        return self.add_text(
             1.6 * unit,
             y,
             text,
@@ -318,7 +327,7 @@ class Sheet:
             animated=animated,
         )
 
-    def tension_bar(
+    def add_tension_bar(
         self, geometry: Geometry, layout: Layout, y: float, unit: float, right: float | None = None
     ) -> None:
         """Adds the tension scale at the right, with a sample of a slack string.
@@ -335,22 +344,24 @@ class Sheet:
         theme, length, thickness = layout.theme, 15.0 * unit, 0.62 * unit
         right = self.width - 1.6 * unit if right is None else right
         left = right - length
-        self.image(layout.colours[None, :, :], (left, right, y, y + thickness), 4.0)
-        drawn = (np.nanmax(np.abs(x), initial=0.0) for x in (geometry.tension, geometry.pulls))
-        largest = max(geometry.peak, *map(float, drawn))
-        sign = "\N{GREATER-THAN OR EQUAL TO} " if largest > 1.001 * layout.full_scale else ""
-        for x, text, side in (
+        self.add_image(layout.colours[None, :, :], (left, right, y, y + thickness), 4.0)
+        peaks = (
+            np.nanmax(np.abs(x), initial=0.0) for x in (geometry.tension, geometry.chain_forces)
+        )
+        largest = max(geometry.max_tension, *map(float, peaks))
+        prefix = "\N{GREATER-THAN OR EQUAL TO} " if largest > 1.001 * layout.full_scale else ""
+        for x, text, align in (
             (left, "0", "left"),
-            (right, f"{sign}{layout.full_scale:g} N", "right"),
+            (right, f"{prefix}{layout.full_scale:g} N", "right"),
             (0.5 * (left + right), "tension", "center"),
             (left - 3.2 * unit, "slack", "center"),
         ):
-            self.write(x, y - 0.35 * unit, text, 0.85 * unit, theme.muted, ha=side, va="top")
+            self.add_text(x, y - 0.35 * unit, text, 0.85 * unit, theme.muted, ha=align, va="top")
         self.axes.plot(
             [left - 4.4 * unit, left - 2.0 * unit],
             [y + 0.5 * thickness] * 2,
             color=theme.slack,
-            linewidth=0.95 * layout.line_width * _POINTS,
+            linewidth=0.95 * layout.line_width * _POINTS_PER_PIXEL,
             zorder=4.0,
         )
 
@@ -360,7 +371,7 @@ def set_polygons(artist: PolyCollection, polygons: list[Polygon]) -> None:
     artist.set_verts([p.outline for p in polygons])
     artist.set_facecolor([p.face for p in polygons])
     artist.set_edgecolor([p.edge for p in polygons])
-    artist.set_linewidth([p.width * _POINTS for p in polygons])
+    artist.set_linewidth([p.width * _POINTS_PER_PIXEL for p in polygons])
 
 
 def _light_spot(geometry: Geometry) -> tuple[np.ndarray, float]:
@@ -369,29 +380,31 @@ def _light_spot(geometry: Geometry) -> tuple[np.ndarray, float]:
     return 0.5 * (low + high), 0.6 * float((high - low).max()) + 0.3 * geometry.size
 
 
-def _grid(geometry: Geometry, layout: Layout, middle: np.ndarray, reach: float) -> LineCollection:
+def _grid_lines(
+    geometry: Geometry, layout: Layout, centre: np.ndarray, radius: float
+) -> LineCollection:
     from matplotlib.collections import LineCollection
 
     theme, camera = layout.theme, layout.camera
-    step = round_down(reach / 4.0)
+    step = round_down(radius / 4.0)
     ticks = np.arange(-6, 7) * step
-    along = np.linspace(-6 * step, 6 * step, 49)
-    origin = np.round(middle / step) * step
-    one_way = np.stack([np.column_stack([np.full(49, t), along]) for t in ticks])
-    points = np.concatenate([one_way, one_way[..., ::-1]]) + origin
+    positions = np.linspace(-6 * step, 6 * step, 49)
+    origin = np.round(centre / step) * step
+    lines_along_y = np.stack([np.column_stack([np.full(49, t), positions]) for t in ticks])
+    points = np.concatenate([lines_along_y, lines_along_y[..., ::-1]]) + origin
     points = np.concatenate([points, np.full((*points.shape[:2], 1), geometry.floor)], axis=2)
     projected = camera.project(points, layout.viewport)
     lines = np.stack([projected[:, :-1], projected[:, 1:]], axis=2).reshape(-1, 2, 3)
     distance = np.linalg.norm(
-        0.5 * (points[:, :-1] + points[:, 1:])[..., :2] - middle, axis=2
+        0.5 * (points[:, :-1] + points[:, 1:])[..., :2] - centre, axis=2
     ).ravel()
-    fade = np.clip(1.0 - distance / (1.35 * reach), 0.0, 1.0) ** 1.4
+    fade = np.clip(1.0 - distance / (1.35 * radius), 0.0, 1.0) ** 1.4
     visible = (fade > 0.0) & np.all(lines[..., 2] > 0.05 * geometry.size, axis=1)
     colours = np.column_stack([np.tile(theme.grid, (visible.sum(), 1)), fade[visible]])
     return LineCollection(
         lines[visible][..., :2],
         colors=colours,
-        linewidths=0.55 * layout.line_width * _POINTS,
+        linewidths=0.55 * layout.line_width * _POINTS_PER_PIXEL,
         zorder=1.5,
         capstyle="butt",
     )

@@ -14,16 +14,16 @@ import numpy as np
 
 from fantoccini.base import FantocciniError, MediaError, OnProgress, Progress, ffmpeg, replacing
 from fantoccini.output.view.camera import Camera, Viewport
-from fantoccini.output.view.compose import Layout, compose, shadows
-from fantoccini.output.view.drawing import PictureOptions, Sheet, layout_of, set_polygons
-from fantoccini.output.view.geometry import Geometry, Guides, geometry_of
+from fantoccini.output.view.compose import Layout, compose_polygons, shadow_polygons
+from fantoccini.output.view.drawing import PictureOptions, Sheet, fit_layout, set_polygons
+from fantoccini.output.view.geometry import Geometry, Guides, run_geometry
 from fantoccini.output.view.pan import camera_path, should_follow
 from fantoccini.output.view.shots import shot_cameras
 from fantoccini.output.view.soundtrack import soundtrack
-from fantoccini.output.view.stage_set import inside
+from fantoccini.output.view.stage_set import puppet_viewport
 from fantoccini.output.view.stage_shadows import stage_shadows
 from fantoccini.output.view.still import Drawable
-from fantoccini.output.view.studio import Studio, checked_renderer
+from fantoccini.output.view.studio import Studio, check_renderer
 from fantoccini.output.view.subtitles import Subtitles
 from fantoccini.output.view.theme import Theme
 
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from fantoccini.theatre.gestures import Caption, Sound
     from fantoccini.theatre.plays import Shot
 
-CODECS = {
+CODEC_ARGUMENTS = {
     ".mp4": (
         "-c:v",
         "libx264",
@@ -135,29 +135,29 @@ def film(
             a film with sound is more than 4 times as slow or fast as the motion.
     """
     path = Path(path)
-    if path.suffix.lower() not in CODECS:
-        raise ValueError(f"a film ends in {' or '.join(CODECS)}, not in {path.suffix!r}")
+    if path.suffix.lower() not in CODEC_ARGUMENTS:
+        raise ValueError(f"a film ends in {' or '.join(CODEC_ARGUMENTS)}, not in {path.suffix!r}")
     if not (0.0 < fps <= 240.0 and speed > 0.0 and min(size) >= 16 and max(size) <= 8192):
         raise ValueError("a film needs 0 < fps <= 240, speed > 0 and sides of 16 to 8192 pixels")
     if not os.path.isdir(path.parent):
         raise FilmError(f"there is no folder {path.parent}")
-    width, height = (int(n) + int(n) % 2 for n in size)
-    if checked_renderer(renderer) == "pyvista" and (forces or guides):
+    width, height = (int(n_frames) + int(n_frames) % 2 for n_frames in size)
+    if check_renderer(renderer) == "pyvista" and (forces or guides):
         raise ValueError("pyvista draws no forces and no guides; use renderer='matplotlib'")
 
-    ending = path.suffix.lower()
-    if ending == ".gif":
+    suffix = path.suffix.lower()
+    if suffix == ".gif":
         fps = min(fps, MAX_GIF_FPS)
-    start, stop = float(run.t[0]), float(run.t[-1])
-    n = max(1, round((stop - start) / speed * fps))
-    times = np.minimum(start + np.arange(n) * (speed / fps), stop)
-    sound = soundtrack(sounds if ending == ".mp4" else (), start, n / fps, speed)
-    geometry = geometry_of(marionette, run.resample(times), forces).with_guides(guides)
-    options = PictureOptions.of(view, focus, theme, (width, height), look)
+    start, end = float(run.t[0]), float(run.t[-1])
+    n_frames = max(1, round((end - start) / speed * fps))
+    times = np.minimum(start + np.arange(n_frames) * (speed / fps), end)
+    sound = soundtrack(sounds if suffix == ".mp4" else (), start, n_frames / fps, speed)
+    geometry = run_geometry(marionette, run.resample(times), forces).with_guides(guides)
+    options = PictureOptions.resolve(view, focus, theme, (width, height), look)
     frames = Frames(geometry, options, renderer, follow, captions, shots)
     try:
         with replacing(path) as temporary:
-            _encode(frames, n, temporary, (*sound, CODECS[ending]), fps, progress)
+            _encode(frames, n_frames, temporary, (*sound, CODEC_ARGUMENTS[suffix]), fps, progress)
     finally:
         frames.close()
     return path
@@ -188,43 +188,45 @@ class Frames:
         unit = max(height / 50.0, min(10.0, width / 24.0))  # keeps captions of small films legible
         self.geometry, self.sheet = geometry, Sheet(self.size, options.theme)
         self._subtitles = Subtitles(captions, width, unit, _MAX_CAPTION_SHARE * height)
-        low = 3.2 * unit + self._subtitles.height
-        inner = Viewport(unit, low, width - 2.0 * unit, height - 2.8 * unit - low)
+        bottom = 3.2 * unit + self._subtitles.height
+        viewport = Viewport(unit, bottom, width - 2.0 * unit, height - 2.8 * unit - bottom)
         if options.look == "stage":
-            inner = inside(self.sheet.frame, self._subtitles.height)
-        self.layout, self.pan = _framing(geometry, inner, options, False if shots else follow)
+            viewport = puppet_viewport(self.sheet.frame, self._subtitles.height)
+        self.layout, self.pan = _choose_framing(
+            geometry, viewport, options, False if shots else follow
+        )
         self.cameras = self._cameras_of(shots, strings=options.focus == "all")
-        self._moves = any(camera is not self.layout.camera for camera in self.cameras)
-        self._aimed: Camera | None = None
+        self._camera_moves = any(camera is not self.layout.camera for camera in self.cameras)
+        self._last_camera: Camera | None = None
         self._floor: list[Artist] = []
-        if not self._moves:
-            self.sheet.floor(geometry, self.layout)
-        self._below, self._above = self._furniture(options, unit)
+        if not self._camera_moves:
+            self.sheet.add_floor(geometry, self.layout)
+        self._artists_below, self._artists_above = self._static_artists(options, unit)
         self._subtitles.place(self.sheet, 3.2 * unit if self.layout.stage is None else unit)
-        self._middle = np.append(geometry.balls(pan=self.pan)[0][:, :2].mean(axis=0), 0.0)
-        self._polygons = self.sheet.polygons([], animated=True)
+        self._floor_centre = np.append(geometry.balls(pan=self.pan)[0][:, :2].mean(axis=0), 0.0)
+        self._polygons = self.sheet.add_polygons([], animated=True)
         self._studio = None
         if renderer == "pyvista":
             self._studio = Studio(geometry, self.layout, self.size)
             blank, extent = np.zeros((height, width, 4)), (0.0, width, 0.0, height)
-            self._photograph = self.sheet.image(blank, extent, 3.0, animated=True)
+            self._studio_image = self.sheet.add_image(blank, extent, 3.0, animated=True)
         self._canvas = cast("FigureCanvasAgg", self.sheet.figure.canvas)
         self._canvas.draw()
-        self._backdrop = self._canvas.copy_from_bbox(self.sheet.figure.bbox)
-        self._scene = self._backdrop
+        self._empty_sheet = self._canvas.copy_from_bbox(self.sheet.figure.bbox)
+        self._background = self._empty_sheet
 
     def draw(self, k: int) -> memoryview:
         """Pixels of frame k: rows from the top; red, green, blue, opacity, a byte each."""
-        layout = self._aim(k)
-        draw_scene = compose if self._studio is None else shadows
+        layout = self._frame_layout(k)
+        draw_scene = compose_polygons if self._studio is None else shadow_polygons
         set_polygons(self._polygons, draw_scene(self.geometry, k, layout))
         if self._clock is not None:
             self._clock.set_text(f"{self.geometry.t[k]:.2f} s")
         captions = self._subtitles.at(float(self.geometry.t[k]))
-        artists: list[Artist] = [self._polygons, *self._above, *captions]
+        artists: list[Artist] = [self._polygons, *self._artists_above, *captions]
         if self._studio is not None:
-            self._photograph.set_data(self._studio.photograph(k)[::-1])
-            artists.insert(1, self._photograph)
+            self._studio_image.set_data(self._studio.render(k)[::-1])
+            artists.insert(1, self._studio_image)
         if self._shadows is not None:
             self._shadows.set_data(stage_shadows(self.geometry, k, layout, self.sheet.frame))
             artists.insert(0, self._shadows)
@@ -241,7 +243,9 @@ class Frames:
             return [camera] * n
         return shot_cameras(self.geometry, self.layout, shots, strings)
 
-    def _furniture(self, options: PictureOptions, unit: float) -> tuple[list[Artist], list[Artist]]:
+    def _static_artists(
+        self, options: PictureOptions, unit: float
+    ) -> tuple[list[Artist], list[Artist]]:
         """Tension scale, drawn before the puppet; title and time, or darkness, drawn after it."""
         width, height = self.size
         axes, geometry = self.sheet.axes, self.geometry
@@ -249,16 +253,16 @@ class Frames:
         self._shadows: AxesImage | None = None
         if self.layout.stage is not None:
             blank = np.zeros((1, 1, 4))
-            self._shadows = self.sheet.shadows(blank, self.sheet.frame, animated=True)
-            return [], [self.sheet.darkness(self.sheet.frame, animated=True)]
+            self._shadows = self.sheet.add_shadows(blank, self.sheet.frame, animated=True)
+            return [], [self.sheet.add_vignette(self.sheet.frame, animated=True)]
         before = set(axes.get_children())
-        self.sheet.tension_bar(geometry, self.layout, 2.2 * unit, unit)
+        self.sheet.add_tension_bar(geometry, self.layout, 2.2 * unit, unit)
         scale = [x for x in axes.get_children() if x not in before]
-        for artist in scale if self._moves else ():
+        for artist in scale if self._camera_moves else ():
             artist.set_animated(True)  # a moving floor is drawn before it
         # Strings may pass behind the title.
-        title = self.sheet.title(geometry.title, unit, height - 1.6 * unit, animated=True)
-        self._clock = self.sheet.write(
+        title = self.sheet.add_title(geometry.title, unit, height - 1.6 * unit, animated=True)
+        self._clock = self.sheet.add_text(
             width - 1.6 * unit,
             height - 1.6 * unit,
             "",
@@ -270,21 +274,26 @@ class Frames:
         )
         return scale, [title, self._clock]
 
-    def _aim(self, k: int) -> Layout:
+    def _frame_layout(self, k: int) -> Layout:
         """Layout of frame k; draws its background."""
         camera = self.cameras[k]
         layout = replace(self.layout, camera=camera)
-        if not self._moves or camera is self._aimed:
-            self._canvas.restore_region(self._scene)
+        if not self._camera_moves or camera is self._last_camera:
+            self._canvas.restore_region(self._background)
             return layout
-        self._canvas.restore_region(self._backdrop)
+        self._canvas.restore_region(self._empty_sheet)
         for artist in self._floor:
             artist.remove()
-        middle = None if self.pan is None else self.pan[k] + self._middle
-        self._floor = self.sheet.floor(self.geometry, layout, middle=middle, animated=True)
-        for artist in (*self._floor, *self._below):
+        middle = None if self.pan is None else self.pan[k] + self._floor_centre
+        self._floor = self.sheet.add_floor(
+            self.geometry, layout, light_centre=middle, animated=True
+        )
+        for artist in (*self._floor, *self._artists_below):
             self.sheet.axes.draw_artist(artist)
-        self._aimed, self._scene = camera, self._canvas.copy_from_bbox(self.sheet.figure.bbox)
+        self._last_camera, self._background = (
+            camera,
+            self._canvas.copy_from_bbox(self.sheet.figure.bbox),
+        )
         if self._studio is not None:
             self._studio.aim(layout, self.size)
         return layout
@@ -295,29 +304,29 @@ class Frames:
             self._studio.close()
 
 
-def _framing(
+def _choose_framing(
     geometry: Geometry, viewport: Viewport, options: PictureOptions, follow: bool | None
 ) -> tuple[Layout, np.ndarray | None]:
     """Layout of the first frame, and displacements (T, 3) [m] of a camera that follows, or None."""
-    fixed = layout_of(geometry, viewport, options)
+    fixed_layout = fit_layout(geometry, viewport, options)
     if follow is False:
-        return fixed, None
+        return fixed_layout, None
     path = camera_path(geometry)
-    following = layout_of(geometry, viewport, options, pan=path)
+    following_layout = fit_layout(geometry, viewport, options, pan=path)
     if follow is None:
         # Decided with the strings in view: a puppet that only swings in place is not followed.
         distances = []
         for pan in (None, path):
-            camera = layout_of(geometry, viewport, replace(options, focus="all"), pan=pan).camera
+            camera = fit_layout(geometry, viewport, replace(options, focus="all"), pan=pan).camera
             centre = geometry.balls(pan=pan)[0].mean(axis=0)
             distances.append(float((centre - camera.eye) @ -camera.axes[2]))
         follow = should_follow(*distances)
-    return (following, path) if follow else (fixed, None)
+    return (following_layout, path) if follow else (fixed_layout, None)
 
 
 def _encode(
     frames: Frames,
-    n: int,
+    n_frames: int,
     temporary: Path,
     arguments: tuple[Sequence[str], Sequence[str], Sequence[str]],
     fps: float,
@@ -326,9 +335,9 @@ def _encode(
     """Draws and encodes n frames; `arguments` are those for sounds, their mix and the codec."""
     try:
         program = ffmpeg()
-    except MediaError as reason:
-        raise FilmError(str(reason)) from reason
-    sounds, mix, codec = arguments
+    except MediaError as error:
+        raise FilmError(str(error)) from error
+    sound_arguments, mix_arguments, codec_arguments = arguments
     width, height = frames.size
     command = [
         program,
@@ -346,9 +355,9 @@ def _encode(
         f"{fps:.6f}",
         "-i",
         "pipe:0",
-        *sounds,
-        *mix,
-        *codec,
+        *sound_arguments,
+        *mix_arguments,
+        *codec_arguments,
         str(temporary.absolute()),
     ]
     with tempfile.TemporaryFile() as log:
@@ -356,21 +365,23 @@ def _encode(
             command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=log
         )
         assert encoder.stdin is not None
-        broken = False
+        pipe_broken = False
         try:
-            for k in range(n):
+            for k in range(n_frames):
                 encoder.stdin.write(frames.draw(k))
                 if progress is not None:
-                    progress(Progress(done=k + 1, total=n))
+                    progress(Progress(done=k + 1, total=n_frames))
             encoder.stdin.close()
         except (BrokenPipeError, ConnectionError):
-            broken = True
+            pipe_broken = True
         except BaseException:
             encoder.kill()
             encoder.wait()
             raise
-        code = encoder.wait()
-        if broken or code != 0:
+        exit_code = encoder.wait()
+        if pipe_broken or exit_code != 0:
             log.seek(0)
             lines = log.read().decode("utf-8", "replace").strip().splitlines()[-6:]
-            raise FilmError(f"ffmpeg ended with code {code}: {'; '.join(lines) or 'no message'}")
+            raise FilmError(
+                f"ffmpeg ended with code {exit_code}: {'; '.join(lines) or 'no message'}"
+            )

@@ -12,7 +12,7 @@ from fantoccini.base import Array, Times
 from fantoccini.base.documents import Number
 from fantoccini.model.tree import WORLD, ChainRow, Point, SpringRow, Tree
 from fantoccini.output.view import rope
-from fantoccini.output.view.shapes import link_solids, obstacles, stand_ins
+from fantoccini.output.view.shapes import link_solids, obstacle_solids, stand_in_solids
 from fantoccini.output.view.silhouettes import Solid
 from fantoccini.output.view.still import Drawable
 from fantoccini.output.view.theme import rgb
@@ -62,7 +62,7 @@ class Geometry:
         wires: whether each string is a wire.
         springs: (T, 2, 3) ends of each spring [m].
         chains: (T, n_points, 3) ends and masses of each chain [m].
-        pulls: (T, n_chains) mean force of the springs of each chain [N].
+        chain_forces: (T, n_chains) mean force of the springs of each chain [N].
         chain_colours: colours of chains, in the form of ``colours``.
         floor: height of the plane with the shadows [m].
         ground: whether that plane is the world's floor, on which slack strings lie.
@@ -71,7 +71,7 @@ class Geometry:
         tree: links and strings, with values in place of parameters.
         arrows: (n, 2, 3) foot and head of the arrows of forces at each time [m]; empty for none.
         guides: (T, n, 3) polylines that the motion is compared with, drawn in front of it [m].
-        peak: largest tension of the run, also between the times; 0 if unknown [N].
+        max_tension: largest tension of the run, also between the times; 0 if unknown [N].
     """
 
     title: str
@@ -87,7 +87,7 @@ class Geometry:
     wires: tuple[bool, ...]
     springs: tuple[np.ndarray, ...]
     chains: tuple[np.ndarray, ...]
-    pulls: np.ndarray
+    chain_forces: np.ndarray
     chain_colours: tuple[np.ndarray | None, ...]
     floor: float
     ground: bool
@@ -96,7 +96,7 @@ class Geometry:
     tree: Tree
     arrows: tuple[np.ndarray, ...] = ()
     guides: tuple[np.ndarray, ...] = ()
-    peak: float = 0.0
+    max_tension: float = 0.0
 
     def with_guides(self, guides: Guides | None) -> Geometry:
         """The geometry with lines that the motion is compared with.
@@ -126,14 +126,14 @@ class Geometry:
             tension = None if self.tension is None else float(self.tension[k, s])
             curves.append(StringCurve(line, taut, tension, self.colours[s], self.wires[s]))
         for s, points in enumerate(self.chains):
-            pull = float(self.pulls[k, s])
+            pull = float(self.chain_forces[k, s])
             tension = None if self.tension is None else max(pull, 0.0)
             curves.append(StringCurve(points[k], pull > 0.0, tension, self.chain_colours[s], False))
         return curves
 
     def slack_curve(self, points: np.ndarray, length: float, n: int = 48) -> np.ndarray:
         """(m, 3) curve of a slack string through points (k, 3) [m], not below the world's floor."""
-        line = rope.path(points, length, n)
+        line = rope.slack_curve(points, length, n)
         return np.maximum(line, [-np.inf, -np.inf, self.floor]) if self.ground else line
 
     def balls(
@@ -147,22 +147,22 @@ class Geometry:
             pan: (T, 3) displacement of a camera that follows the puppet [m]; centres are then
                 relative to it, and obstacles are left out.
         """
-        samples = spread(len(self.t), max_times)
+        samples = spread_indices(len(self.t), max_times)
         centres, radii = [np.zeros((0, 3))], [np.zeros(0)]
         displacement = np.zeros((len(samples), 3)) if pan is None else pan[samples]
         for solid in self.solids:
             if pan is not None and solid.link == WORLD:
                 continue
-            poses = _pose_of(self.poses[samples], solid.link)
+            poses = _link_pose(self.poses[samples], solid.link)
             for end in solid.axis:
                 centres.append(poses[..., :3] @ end + poses[..., 3] - displacement)
                 radii.append(np.full(len(samples), _radius(solid)))
         lines = (*self.points, *self.chains, *self.springs)
-        covered = lines if strings or not self.solids else ()
-        for points in (*covered, *self.guides):
-            flat = (points[samples] - displacement[:, None]).reshape(-1, 3)
-            centres.append(flat)
-            radii.append(np.zeros(len(flat)))
+        covered_lines = lines if strings or not self.solids else ()
+        for points in (*covered_lines, *self.guides):
+            positions = (points[samples] - displacement[:, None]).reshape(-1, 3)
+            centres.append(positions)
+            radii.append(np.zeros(len(positions)))
         all_centres = np.concatenate(centres)
         finite = np.isfinite(all_centres).all(axis=1)
         if not finite.any():
@@ -172,8 +172,8 @@ class Geometry:
     def with_shadows(self, centres: np.ndarray, radii: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Balls (n, 3), (n,) [m] and the points below them on the floor, unless it is far below."""
         heights = centres[:, 2] - self.floor
-        near = (heights > 0.0) & (heights < 0.25 * self.size)
-        points = np.column_stack([centres[near, :2], np.full(near.sum(), self.floor)])
+        is_near = (heights > 0.0) & (heights < 0.25 * self.size)
+        points = np.column_stack([centres[is_near, :2], np.full(is_near.sum(), self.floor)])
         return np.concatenate([centres, points]), np.concatenate([radii, np.zeros(len(points))])
 
     def ground_box(self) -> tuple[np.ndarray, np.ndarray]:
@@ -185,18 +185,18 @@ class Geometry:
         """Upper end of the tension scale [N]: a round number above 98 % of the tensions."""
         if self.tension is None:
             return 1.0
-        pulls = np.concatenate([self.tension.ravel(), self.pulls.ravel()])
+        pulls = np.concatenate([self.tension.ravel(), self.chain_forces.ravel()])
         pulls = np.abs(pulls[np.isfinite(pulls)])
         pulls = pulls[pulls > 0.0]
         if not pulls.size:
             return 1.0
-        top = float(np.percentile(pulls, 98.0))
-        unit = 10.0 ** np.floor(np.log10(top))
+        reference_tension = float(np.percentile(pulls, 98.0))
+        unit = 10.0 ** np.floor(np.log10(reference_tension))
         steps = (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
-        return float(unit * min(f for f in steps if f * unit >= top * (1.0 - 1e-9)))
+        return float(unit * min(f for f in steps if f * unit >= reference_tension * (1.0 - 1e-9)))
 
 
-def spread(n: int, max_count: int) -> np.ndarray:
+def spread_indices(n: int, max_count: int) -> np.ndarray:
     """Evenly spaced indices from 0 to n - 1, at most ``max_count``."""
     return np.unique(np.linspace(0, n - 1, max_count).astype(int))
 
@@ -207,9 +207,9 @@ def round_down(length: float) -> float:
     return float(unit * max(f for f in (1.0, 2.0, 5.0) if f * unit <= length * (1.0 + 1e-9)))
 
 
-def geometry_of(marionette: Drawable, run: Trajectory, forces: bool = False) -> Geometry:
+def run_geometry(marionette: Drawable, run: Trajectory, forces: bool = False) -> Geometry:
     """Geometry of a run, with or without the forces of its contacts."""
-    geometry = _geometry(
+    geometry = _make_geometry(
         marionette,
         np.asarray(run.t),
         run.q_D,
@@ -218,10 +218,10 @@ def geometry_of(marionette: Drawable, run: Trajectory, forces: bool = False) -> 
         run.tension.values,
         0.0 if run.slip is None else run.slip.values,
     )
-    return replace(geometry, arrows=_arrows(run, geometry.size)) if forces else geometry
+    return replace(geometry, arrows=_force_arrows(run, geometry.size)) if forces else geometry
 
 
-def _arrows(run: Trajectory, size: float) -> tuple[np.ndarray, ...]:
+def _force_arrows(run: Trajectory, size: float) -> tuple[np.ndarray, ...]:
     """(n, 2, 3) arrows of contact forces at each sample [m].
 
     Lengths are proportional to the forces: 9 of 10 are below 0.15 ``size``. Arrows of impacts are
@@ -249,7 +249,9 @@ def force_arrows(contact: ContactPoints, reference: float, size: float) -> np.nd
     return np.stack([contact.point, contact.point + scale[:, None] * contact.force], axis=1)
 
 
-def geometry_at(marionette: Drawable, state: State, tension: np.ndarray | None = None) -> Geometry:
+def state_geometry(
+    marionette: Drawable, state: State, tension: np.ndarray | None = None
+) -> Geometry:
     """Geometry of one state.
 
     Args:
@@ -258,7 +260,7 @@ def geometry_at(marionette: Drawable, state: State, tension: np.ndarray | None =
         tension: (n_strings,) tensions [N]; None draws strings without the tension scale.
     """
     n = len(marionette.tree.strings)
-    return _geometry(
+    return _make_geometry(
         marionette,
         np.array([state.t]),
         state.q_D[None],
@@ -269,7 +271,7 @@ def geometry_at(marionette: Drawable, state: State, tension: np.ndarray | None =
     )
 
 
-def _geometry(
+def _make_geometry(
     marionette: Drawable,
     t: Array,
     q_D: Array,
@@ -282,16 +284,19 @@ def _geometry(
     poses = np.asarray(marionette.poses(q_D, q_K))
     points = tuple(np.asarray(p) for p in marionette.string_points(q_D, q_K).values())
     springs = spring_ends(tree, poses)
-    chains, pulls = chain_points(tree, poses), chain_pulls(marionette, tree, poses, q_D, q_K)
+    chains, chain_forces = (
+        chain_points(tree, poses),
+        mean_chain_forces(marionette, tree, poses, q_D, q_K),
+    )
     solids = link_solids(tree)
     size = _size(solids, poses, (*points, *chains))
-    solids += stand_ins(tree, size)
-    low = _lowest(solids, poses) if solids else 0.0
-    floor = low - 0.04 * size if puppet.floor is None else float(puppet.floor)
+    solids += stand_in_solids(tree, size)
+    lowest = _lowest(solids, poses) if solids else 0.0
+    floor = lowest - 0.04 * size if puppet.floor is None else float(puppet.floor)
     return Geometry(
         title=tree.name,
         t=t,
-        solids=tuple(obstacles(puppet) + solids),
+        solids=tuple(obstacle_solids(puppet) + solids),
         poses=poses,
         names=tuple(s.name for s in tree.strings),
         points=points,
@@ -302,7 +307,7 @@ def _geometry(
         wires=tuple(s.wire for s in tree.strings),
         springs=springs,
         chains=chains,
-        pulls=pulls,
+        chain_forces=chain_forces,
         chain_colours=tuple(None if c.colour is None else rgb(c.colour) for c in tree.chains),
         floor=floor,
         ground=puppet.floor is not None,
@@ -328,7 +333,7 @@ def _points_of(rows: Sequence[SpringRow | ChainRow], poses: np.ndarray) -> tuple
     )
 
 
-def chain_pulls(
+def mean_chain_forces(
     marionette: Drawable, tree: Tree, poses: np.ndarray, q_D: np.ndarray, q_K: np.ndarray
 ) -> np.ndarray:
     """(..., n_chains) mean force EA (d / l - 1) of the springs of each chain [N]."""
@@ -371,14 +376,14 @@ def _with_values(tree: Tree, number: Callable[[Number], float]) -> Tree:
     )
 
 
-def _pose_of(poses: np.ndarray, link: int) -> np.ndarray:
+def _link_pose(poses: np.ndarray, link: int) -> np.ndarray:
     if link == WORLD:
         return np.broadcast_to(np.eye(3, 4), (*poses.shape[:-3], 3, 4))
     return poses[..., link, :, :]
 
 
 def _world_points(poses: np.ndarray, point: Point) -> np.ndarray:
-    pose = _pose_of(poses, point.link)
+    pose = _link_pose(poses, point.link)
     return pose[..., :3] @ np.array(point.at) + pose[..., 3]
 
 
@@ -387,29 +392,29 @@ def _radius(solid: Solid) -> float:
     if solid.kind == "capsule":
         return solid.radius
     if solid.kind == "ellipsoid":
-        return float(np.sort(np.linalg.norm(solid.half, axis=0))[1])
+        return float(np.sort(np.linalg.norm(solid.half_axes, axis=0))[1])
     gaps = np.linalg.norm(solid.points[:, None] - solid.axis[None], axis=-1)
     return float(gaps.min(axis=1).max())
 
 
 def _lowest(solids: list[Solid], poses: np.ndarray) -> float:
-    low = np.inf
+    lowest = np.inf
     for solid in solids:
-        pose = _pose_of(poses, solid.link)
+        pose = _link_pose(poses, solid.link)
         down = pose[:, 2, :3]
         heights = down @ solid.points.T + pose[:, 2, 3:]
         if solid.kind == "ellipsoid":
-            heights = heights - np.linalg.norm(down @ solid.half, axis=-1)[:, None]
-        low = min(low, float(np.min(heights)) - solid.radius)
-    return low if np.isfinite(low) else 0.0
+            heights = heights - np.linalg.norm(down @ solid.half_axes, axis=-1)[:, None]
+        lowest = min(lowest, float(np.min(heights)) - solid.radius)
+    return lowest if np.isfinite(lowest) else 0.0
 
 
 def _size(solids: list[Solid], poses: np.ndarray, points: tuple[np.ndarray, ...]) -> float:
-    places = [poses[0, :, :, 3], *(p[0] for p in points)]
+    position_sets = [poses[0, :, :, 3], *(p[0] for p in points)]
     for solid in solids:
-        pose = _pose_of(poses[0], solid.link)
-        places.append(solid.points @ pose[:, :3].T + pose[:, 3])
-    positions = np.concatenate(places)
+        pose = _link_pose(poses[0], solid.link)
+        position_sets.append(solid.points @ pose[:, :3].T + pose[:, 3])
+    positions = np.concatenate(position_sets)
     positions = positions[np.isfinite(positions).all(axis=1)]
     size = float(np.ptp(positions, axis=0).max()) if len(positions) else 0.0
     return size if size > 1e-9 else 1.0

@@ -36,30 +36,34 @@ class TriangleMesh:
     normals: np.ndarray | None
 
 
-def triangles(solid: Solid) -> TriangleMesh:
+def triangulate(solid: Solid) -> TriangleMesh:
     """Surface of a solid as triangles, in its link's frame.
 
     Vertices lie on the surface: a capsule or an ellipsoid loses less than 4 % of its volume.
     """
-    solid = solid.full
+    solid = solid.most_detailed
     if solid.kind == "capsule":
         return _capsule(solid.points, solid.radius)
     if solid.kind == "ellipsoid":
-        return _ellipsoid(solid.points[0], solid.half)
+        return _ellipsoid(solid.points[0], solid.half_axes)
     return _faces(solid)
 
 
-def coloured(solid: Solid) -> list[tuple[np.ndarray, TriangleMesh]]:
+def coloured_surfaces(solid: Solid) -> list[tuple[np.ndarray, TriangleMesh]]:
     """Surface of a solid as a mesh for each of its colours (3,)."""
-    solid, surface = solid.full, triangles(solid)
+    solid, surface = solid.most_detailed, triangulate(solid)
     if solid.colours is None:
         return [(solid.colour, surface)]
-    colours, which = np.unique(solid.colours, axis=0, return_inverse=True)
+    colours, colour_index = np.unique(solid.colours, axis=0, return_inverse=True)
     meshes = []
     for k, colour in enumerate(colours):
-        used, faces = np.unique(surface.faces[which.reshape(-1) == k], return_inverse=True)
-        normals = None if surface.normals is None else surface.normals[used]
-        meshes.append((colour, TriangleMesh(surface.vertices[used], faces.reshape(-1, 3), normals)))
+        vertex_indices, faces = np.unique(
+            surface.faces[colour_index.reshape(-1) == k], return_inverse=True
+        )
+        normals = None if surface.normals is None else surface.normals[vertex_indices]
+        meshes.append(
+            (colour, TriangleMesh(surface.vertices[vertex_indices], faces.reshape(-1, 3), normals))
+        )
     return meshes
 
 
@@ -68,7 +72,7 @@ def _capsule(ends: np.ndarray, radius: float) -> TriangleMesh:
     axis = ends[1] - ends[0]
     length = float(np.linalg.norm(axis))
     frame = frame_along(axis / length) if length > 1e-9 * radius else np.eye(3)
-    directions, faces = _ball(rims=2 if length > 1e-9 * radius else 1)
+    directions, faces = _unit_ball(rims=2 if length > 1e-9 * radius else 1)
     normals = directions @ frame.T
     # The first half of the vertices belongs to the far end.
     upper = np.arange(len(directions)) < len(directions) // 2
@@ -78,7 +82,7 @@ def _capsule(ends: np.ndarray, radius: float) -> TriangleMesh:
 
 def _ellipsoid(centre: np.ndarray, half: np.ndarray) -> TriangleMesh:
     """The unit ball mapped by x = centre + H u; normals are mapped by H^-T."""
-    directions, faces = _ball(rims=1)
+    directions, faces = _unit_ball(rims=1)
     if np.linalg.det(half) < 0.0:
         faces = faces[:, ::-1]
     normals = directions @ np.linalg.inv(half)
@@ -90,7 +94,9 @@ def _faces(solid: Solid) -> TriangleMesh:
     """Triangles of faces. Each face of a box has its own vertices, for sharp edges, and so have the
     parts of a mesh on both sides of a crease."""
     if solid.smooth:
-        return _creased(np.array(solid.points, dtype=float), np.array(solid.faces, dtype=int))
+        return _split_at_creases(
+            np.array(solid.points, dtype=float), np.array(solid.faces, dtype=int)
+        )
     faces: list[tuple[int, int, int]] = []
     first = 0
     for face in solid.faces:
@@ -100,35 +106,37 @@ def _faces(solid: Solid) -> TriangleMesh:
     return TriangleMesh(vertices, np.array(faces, dtype=int), None)
 
 
-def _creased(points: np.ndarray, faces: np.ndarray) -> TriangleMesh:
+def _split_at_creases(points: np.ndarray, faces: np.ndarray) -> TriangleMesh:
     """Mesh whose vertices are split where faces meet at more than ``_CREASE``."""
     a, b, c = (points[faces[:, k]] for k in range(3))
     face_normals = np.cross(b - a, c - a)
-    flat = _unit(face_normals)
-    sides = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
-    order = np.lexsort(sides.T)
-    is_shared = np.all(sides[order[1:]] == sides[order[:-1]], axis=1)
-    first, second = order[:-1][is_shared] // 3, order[1:][is_shared] // 3
-    smooth = np.sum(flat[first] * flat[second], axis=1) > np.cos(_CREASE)
+    unit_normals = _normalised(face_normals)
+    edges = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+    order = np.lexsort(edges.T)
+    is_shared = np.all(edges[order[1:]] == edges[order[:-1]], axis=1)
+    first_face, second_face = order[:-1][is_shared] // 3, order[1:][is_shared] // 3
+    smooth = np.sum(unit_normals[first_face] * unit_normals[second_face], axis=1) > np.cos(_CREASE)
     n = len(faces)
-    links = coo_array((np.ones(int(smooth.sum())), (first[smooth], second[smooth])), shape=(n, n))
-    _, part = connected_components(links, directed=False)
-    corners = np.stack([faces.ravel(), np.repeat(part, 3)], axis=1)
+    links = coo_array(
+        (np.ones(int(smooth.sum())), (first_face[smooth], second_face[smooth])), shape=(n, n)
+    )
+    _, component = connected_components(links, directed=False)
+    corners = np.stack([faces.ravel(), np.repeat(component, 3)], axis=1)
     split, new_index = np.unique(corners, axis=0, return_inverse=True)
     new_index = new_index.reshape(-1, 3)
     normals = np.zeros((len(split), 3))
     for k in range(3):
         np.add.at(normals, new_index[:, k], face_normals)
-    return TriangleMesh(points[split[:, 0]], new_index, _unit(normals))
+    return TriangleMesh(points[split[:, 0]], new_index, _normalised(normals))
 
 
-def _unit(vectors: np.ndarray) -> np.ndarray:
+def _normalised(vectors: np.ndarray) -> np.ndarray:
     """Vectors (n, 3), normalised; z in place of zero vectors."""
     lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
     return np.where(lengths > 0.0, vectors / np.where(lengths > 0.0, lengths, 1.0), [0.0, 0.0, 1.0])
 
 
-def _ball(rims: int) -> tuple[np.ndarray, np.ndarray]:
+def _unit_ball(rims: int) -> tuple[np.ndarray, np.ndarray]:
     """Vertices (n, 3) and triangles (m, 3) of the unit ball, from +z to -z.
 
     With two ``rims`` of vertices at the equator, the halves can be pulled apart.

@@ -14,12 +14,12 @@ import numpy as np
 
 from fantoccini.base.documents import Parameter
 from fantoccini.model.tree import WORLD, StringRow, grow
-from fantoccini.output.html import Element, element, picture, to_html
+from fantoccini.output.html import Element, element, figure_image, to_html
 from fantoccini.output.view.drawing import DPI, PictureOptions, one_line
-from fantoccini.output.view.geometry import geometry_at
-from fantoccini.output.view.pictures import figure_of, strip_figure
+from fantoccini.output.view.geometry import state_geometry
+from fantoccini.output.view.pictures import state_figure, strip_figure
 from fantoccini.output.view.plots import plot
-from fantoccini.output.view.still import Still
+from fantoccini.output.view.still import UncompiledPuppet
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -27,25 +27,25 @@ if TYPE_CHECKING:
     from fantoccini.dynamics.marionette import Marionette
     from fantoccini.motion import Trajectory
 
-MAX_LENGTH = 270_000
+MAX_IMAGE_LENGTH = 270_000
 """Length of an embedded picture above which it is drawn again with fewer pixels [characters]."""
 MAX_LINES = 16
 """Largest number of lines of a table; further lines are only counted."""
-POSES = 5
+N_POSES = 5
 """Number of poses in a run's strip."""
 
 
 def puppet_html(marionette: Marionette) -> str | None:
     """A puppet as HTML: its start pose, mass, strings and driven coordinates."""
     try:
-        still = Still(marionette.puppet, marionette.tree, marionette.number)
-        image = _picture(
-            lambda: figure_of(
-                geometry_at(still, still.start()), PictureOptions.of(size=(420, 520))
+        still = UncompiledPuppet(marionette.puppet, marionette.tree, marionette.number)
+        image = _embedded_image(
+            lambda: state_figure(
+                state_geometry(still, still.start()), PictureOptions.resolve(size=(420, 520))
             ),
             "the start pose",
         )
-        return _page(marionette.name, image, _puppet_tables(marionette))
+        return _page_html(marionette.name, image, _puppet_tables(marionette))
     except Exception:  # a display must never fail a notebook's cell
         return None
 
@@ -55,26 +55,26 @@ def run_html(run: Trajectory) -> str | None:
     try:
         still = _still_of(run)
         if still is None:
-            image = _picture(lambda: plot(run, size=(900, 800)), "the run against time")
+            image = _embedded_image(lambda: plot(run, size=(900, 800)), "the run against time")
         else:
-            image = _picture(
-                lambda: strip_figure(still, run, POSES, "poses", PictureOptions.of()),
+            image = _embedded_image(
+                lambda: strip_figure(still, run, N_POSES, "poses", PictureOptions.resolve()),
                 "poses of the run",
             )
         name = run.puppet.name if run.puppet else "run"
-        return _page(name, image, _run_tables(run), wide=True)
+        return _page_html(name, image, _run_tables(run), wide=True)
     except Exception:  # a display must never fail a notebook's cell
         return None
 
 
-def _still_of(run: Trajectory) -> Still | None:
+def _still_of(run: Trajectory) -> UncompiledPuppet | None:
     """Puppet of a run; None if it is unknown or the run's strings do not fit it."""
     if run.puppet is None:
         return None
     tree = grow(run.puppet)
     if (tree.coordinates.q_D, tree.coordinates.q_K) != (run.coordinates.q_D, run.coordinates.q_K):
         return None
-    still = Still(run.puppet, tree)
+    still = UncompiledPuppet(run.puppet, tree)
     spans = [
         np.linalg.norm(np.diff(points, axis=1), axis=2).sum(axis=1)
         for points in still.string_points(run.q_D[:1], run.q_K[:1]).values()
@@ -84,14 +84,16 @@ def _still_of(run: Trajectory) -> Still | None:
     return still if np.all(gaps - slip <= 1e-3 * np.abs(gaps).max(initial=1.0)) else None
 
 
-def _picture(figure: Callable[[], Figure], alt: str) -> Element | None:
+def _embedded_image(figure: Callable[[], Figure], alt: str) -> Element | None:
     """Image embedded in the page; None if it cannot be drawn."""
     try:
         drawing = figure()
         width, style = f"{drawing.get_figwidth() * DPI:.0f}", "max-width:100%;height:auto"
         for scale in (2.0, 1.5, 1.0, 0.7):
-            image = picture(drawing, one_line(alt), "png", DPI * scale, width=width, style=style)
-            if len(image.attrib["src"]) <= MAX_LENGTH:
+            image = figure_image(
+                drawing, one_line(alt), "png", DPI * scale, width=width, style=style
+            )
+            if len(image.attrib["src"]) <= MAX_IMAGE_LENGTH:
                 break
     except Exception:  # the tables are useful without a picture
         return None
@@ -110,10 +112,10 @@ def _puppet_tables(m: Marionette) -> list[Element | None]:
     if m.puppet.obstacles:
         key_numbers.append(("obstacles", len(m.puppet.obstacles)))
     strings = [
-        (string.name, _end(m, string, 0), _end(m, string, -1), _length(m, string))
+        (string.name, _end_name(m, string, 0), _end_name(m, string, -1), _length_text(m, string))
         for string in m.tree.strings
     ]
-    q_K = Still(m.puppet, m.tree).start().q_K
+    q_K = UncompiledPuppet(m.puppet, m.tree).start().q_K
     starts = [
         (row.name, f"{q_K[row.index]:.4g} {row.unit.strip('1')}{taut}")
         for row in table.rows
@@ -129,8 +131,8 @@ def _puppet_tables(m: Marionette) -> list[Element | None]:
     ]
 
 
-def _end(m: Marionette, string: StringRow, which: int) -> str:
-    link = string.points[which].link
+def _end_name(m: Marionette, string: StringRow, k_point: int) -> str:
+    link = string.points[k_point].link
     if link == WORLD:
         return "world"
     return "driven end" if _is_end(m, link) else m.tree.links[link].name
@@ -141,7 +143,7 @@ def _is_end(m: Marionette, link: int) -> bool:
     return m.tree.links[link].name in {f"{string.name}.end" for string in m.tree.strings}
 
 
-def _length(m: Marionette, string: StringRow) -> str:
+def _length_text(m: Marionette, string: StringRow) -> str:
     if string.length is None:
         return "driven"
     name = f"{string.length.parameter} = " if isinstance(string.length, Parameter) else ""
@@ -186,7 +188,7 @@ def _run_tables(run: Trajectory) -> list[Element | None]:
     ]
 
 
-def _page(
+def _page_html(
     title: str, image: Element | None, tables: list[Element | None], wide: bool = False
 ) -> str:
     """Image and tables side by side, or tables below a ``wide`` image.

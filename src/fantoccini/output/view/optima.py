@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fantoccini.output.view.camera import Viewport
-from fantoccini.output.view.drawing import PictureOptions, Sheet, layout_of, one_line, style_axes
-from fantoccini.output.view.geometry import geometry_of
-from fantoccini.output.view.pictures import check_path, pose_times, save
+from fantoccini.output.view.drawing import PictureOptions, Sheet, fit_layout, one_line, style_axes
+from fantoccini.output.view.geometry import run_geometry
+from fantoccini.output.view.pictures import check_picture_path, pose_times, save_figure
 from fantoccini.output.view.plans import PATH_COLOUR, fading_poses
-from fantoccini.output.view.plots import fit_legends, legend, line_style, use_powers_of_ten
+from fantoccini.output.view.plots import add_legend, fit_legends, line_style, use_powers_of_ten
 from fantoccini.output.view.theme import Theme, rgb
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 TARGET_COLOUR = rgb("#d1495b")
 """Colour of target paths and touched places."""
 
-_PUPPET_SHARE = 0.46
+_PUPPET_WIDTH_SHARE = 0.46
 """Share of the width for the puppet."""
 _MAX_BOUND = 2.5
 """Largest bound that is drawn, relative to the largest value."""
@@ -59,27 +59,27 @@ def optimum_picture(
     Returns:
         The path of the picture.
     """
-    path, options = check_path(path), PictureOptions.of(view, "all", theme, size)
+    path, options = check_picture_path(path), PictureOptions.resolve(view, "all", theme, size)
     (width, height), unit = size, max(7.0, size[1] / 55.0)
     sheet = Sheet(size, options.theme)
     _draw_poses(sheet, optimum, options, poses, unit)
     panels = _panels(optimum, options.theme)
     # Covers the floor's light and lines behind the panels.
-    sheet.image(
+    sheet.add_image(
         np.full((1, 1, 3), options.theme.upper_background),
-        (_PUPPET_SHARE * width, width, 0.0, height),
+        (_PUPPET_WIDTH_SHARE * width, width, 0.0, height),
         4.5,
     )
-    left, right, low, high = _PUPPET_SHARE + 0.055, 0.875, 0.07, 0.965
+    left, right, bottom_edge, top_edge = _PUPPET_WIDTH_SHARE + 0.055, 0.875, 0.07, 0.965
     gap = 0.025
-    panel_height = (high - low - gap * (len(panels) - 1)) / len(panels)
+    panel_height = (top_edge - bottom_edge - gap * (len(panels) - 1)) / len(panels)
     panel_axes = []
     for k, draw in enumerate(panels):
-        bottom = high - (k + 1) * panel_height - k * gap
+        bottom = top_edge - (k + 1) * panel_height - k * gap
         axes = sheet.figure.add_axes((left, bottom, right - left, panel_height))
         draw(axes)
         style_axes(axes, options.theme, "both")
-        legend(axes, options.theme)
+        add_legend(axes, options.theme)
         axes.set_xlim(optimum.t[0], optimum.t[-1])
         if k + 1 < len(panels):
             axes.tick_params(labelbottom=False)
@@ -87,7 +87,7 @@ def optimum_picture(
             axes.set_xlabel("time [s]", color=options.theme.text)
         panel_axes.append(axes)
     fit_legends(panel_axes)
-    return save(sheet.figure, path, scale)
+    return save_figure(sheet.figure, path, scale)
 
 
 def _draw_poses(
@@ -96,11 +96,11 @@ def _draw_poses(
     """Draws the puppet and the paths of its points."""
     marionette, run, theme = optimum.task.marionette, optimum.run, options.theme
     times = pose_times(marionette, run, poses)
-    geometry = geometry_of(marionette, run.resample(times))
-    width = _PUPPET_SHARE * sheet.width
+    geometry = run_geometry(marionette, run.resample(times))
+    width = _PUPPET_WIDTH_SHARE * sheet.width
     inner = Viewport(unit, 4.0 * unit, width - 2.0 * unit, sheet.height - 8.0 * unit)
-    layout = layout_of(geometry, inner, options)
-    sheet.floor(geometry, layout)
+    layout = fit_layout(geometry, inner, options)
+    sheet.add_floor(geometry, layout)
     fading_poses(sheet, geometry, layout)
     for target, actual in optimum.paths().values():
         for points, colour, dashes, thickness in (
@@ -117,10 +117,10 @@ def _draw_poses(
                 zorder=4.0,
             )
     for contact in optimum.closest_approaches:
-        spot = layout.camera.project(np.array([contact.touch.place], dtype=float), layout.viewport)
+        pixel = layout.camera.project(np.array([contact.touch.place], dtype=float), layout.viewport)
         sheet.axes.plot(
-            spot[:, 0],
-            spot[:, 1],
+            pixel[:, 0],
+            pixel[:, 1],
             color=TARGET_COLOUR,
             marker="o",
             markersize=0.45 * unit,
@@ -128,11 +128,11 @@ def _draw_poses(
             markeredgewidth=0.1 * unit,
             zorder=4.0,
         )
-    sheet.title(optimum.task.name or geometry.title, unit, sheet.height - 1.5 * unit)
-    sheet.tension_bar(geometry, layout, sheet.height - 2.3 * unit, unit, width - 1.6 * unit)
+    sheet.add_title(optimum.task.name or geometry.title, unit, sheet.height - 1.5 * unit)
+    sheet.add_tension_bar(geometry, layout, sheet.height - 2.3 * unit, unit, width - 1.6 * unit)
     times_text = ", ".join(f"{t - run.t[0]:.2f}" for t in times)
     caption = f"cost {optimum.cost:.3g}; poses at {times_text} s"
-    sheet.write(1.6 * unit, 2.2 * unit, caption, unit, theme.text, ha="left", va="center")
+    sheet.add_text(1.6 * unit, 2.2 * unit, caption, unit, theme.text, ha="left", va="center")
 
 
 def _panels(optimum: Optimum, theme: Theme) -> list[Callable[[Axes], None]]:
@@ -197,10 +197,10 @@ def _plot_inputs(
     theme: Theme,
 ) -> None:
     """Plots driven velocities or accelerations of the inputs that are not held."""
-    table = optimum.task.marionette.coordinates
-    held = optimum.task.bounds.held_velocities(table)
-    moving = [k for k in range(table.n_vK) if k not in held]
-    for n, k in enumerate(moving):
+    coordinates = optimum.task.marionette.coordinates
+    held_indices = optimum.task.bounds.held_velocities(coordinates)
+    moving_indices = [k for k in range(coordinates.n_vK) if k not in held_indices]
+    for n, k in enumerate(moving_indices):
         line, style = (
             line_style(theme, n),
             "steps-post" if quantity == "acceleration" else "default",
@@ -211,17 +211,17 @@ def _plot_inputs(
             **line,
             linewidth=1.2,
             drawstyle=style,
-            label=one_line(table.v_K[k], 24),
+            label=one_line(coordinates.v_K[k], 24),
         )
-    same_limit = len(np.unique(limits[moving])) == 1
-    max_drawn = _MAX_BOUND * np.max(np.abs(values[:, moving]), initial=0.0)
-    for n, k in enumerate(moving[:1] if same_limit else moving):
+    same_limit = len(np.unique(limits[moving_indices])) == 1
+    max_drawn = _MAX_BOUND * np.max(np.abs(values[:, moving_indices]), initial=0.0)
+    for n, k in enumerate(moving_indices[:1] if same_limit else moving_indices):
         if limits[k] <= max_drawn:  # larger ones would flatten the lines
             colour = theme.muted if same_limit else line_style(theme, n)["color"]
             _draw_bound(axes, limits[k], colour)
             _draw_bound(axes, -limits[k], colour)
     unit = "[m/s]" if quantity == "speed" else "[m/s\N{SUPERSCRIPT TWO}]"
-    if any(row.unit != "m" for row in table.rows if row.name in table.q_K):
+    if any(row.unit != "m" for row in coordinates.rows if row.name in coordinates.q_K):
         unit = "(m, rad; s)"
     axes.set_ylabel(f"{quantity} {unit}", color=theme.text)
     use_powers_of_ten(axes, theme)

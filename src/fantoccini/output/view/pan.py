@@ -25,27 +25,29 @@ def camera_path(geometry: Geometry) -> np.ndarray:
 
     The geometry's times must be evenly spaced.
     """
-    places = geometry.poses[:, :, :, 3]
-    finite = np.isfinite(places).all(axis=2, keepdims=True)
-    middle = np.where(finite, places, 0.0).sum(axis=1) / np.maximum(finite.sum(axis=1), 1)
+    positions = geometry.poses[:, :, :, 3]
+    finite = np.isfinite(positions).all(axis=2, keepdims=True)
+    middle = np.where(finite, positions, 0.0).sum(axis=1) / np.maximum(finite.sum(axis=1), 1)
     middle[:, 2] = 0.0
-    path = smoothed(geometry.t, middle, _FOLLOWING.smoothing)
+    path = moving_average(geometry.t, middle, _FOLLOWING.smoothing)
     return path - path[0]
 
 
-def smoothed(t: np.ndarray, places: np.ndarray, width: float) -> np.ndarray:
+def moving_average(t: np.ndarray, positions: np.ndarray, width: float) -> np.ndarray:
     """(T, 3) moving average of places (T, 3) at evenly spaced times (T,), ``width`` wide [s].
 
     Beyond its ends, the motion is extended by point reflection.
     """
-    n = len(places)
+    n = len(positions)
     step = float(t[-1] - t[0]) / max(n - 1, 1)
     n_half = min(n - 1, int(2.0 * width / step)) if step > 0.0 else 0
     if n_half == 0:
-        return np.array(places)
+        return np.array(positions)
     weights = np.exp(-0.5 * (np.arange(-n_half, n_half + 1) * step / (0.5 * width)) ** 2)
-    before, after = places[n_half:0:-1], places[::-1][1 : n_half + 1]
-    extended = np.concatenate([2.0 * places[0] - before, places, 2.0 * places[-1] - after])
+    mirrored_head, mirrored_tail = positions[n_half:0:-1], positions[::-1][1 : n_half + 1]
+    extended = np.concatenate(
+        [2.0 * positions[0] - mirrored_head, positions, 2.0 * positions[-1] - mirrored_tail]
+    )
     smooth = [np.convolve(x, weights / weights.sum(), mode="valid") for x in extended.T]
     return np.column_stack(smooth)
 

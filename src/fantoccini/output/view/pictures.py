@@ -14,13 +14,13 @@ import numpy as np
 
 from fantoccini.base import PictureError, replacing
 from fantoccini.output.view.camera import Viewport
-from fantoccini.output.view.compose import Layout, compose, shadows
-from fantoccini.output.view.drawing import DPI, PictureOptions, Sheet, layout_of
-from fantoccini.output.view.geometry import Geometry, Guides, geometry_at, geometry_of
-from fantoccini.output.view.stage_set import inside
+from fantoccini.output.view.compose import Layout, compose_polygons, shadow_polygons
+from fantoccini.output.view.drawing import DPI, PictureOptions, Sheet, fit_layout
+from fantoccini.output.view.geometry import Geometry, Guides, run_geometry, state_geometry
+from fantoccini.output.view.stage_set import puppet_viewport
 from fantoccini.output.view.stage_shadows import stage_shadows
 from fantoccini.output.view.still import Drawable
-from fantoccini.output.view.studio import Studio, checked_renderer
+from fantoccini.output.view.studio import Studio, check_renderer
 from fantoccini.output.view.theme import Theme
 
 if TYPE_CHECKING:
@@ -30,9 +30,9 @@ if TYPE_CHECKING:
 
 FORMATS = (".png", ".svg", ".pdf")
 """File endings of pictures."""
-_GAP = 6.0
+_STAGE_GAP = 6.0
 """Distance between the stages of a strip [px]."""
-MAX_GAP = 1.5
+MAX_POSE_GAP = 1.5
 """Largest time between neighbouring poses of a strip, relative to equal steps."""
 
 
@@ -78,9 +78,11 @@ def strip(
     Raises:
         ValueError: forces were requested for a run without contacts.
     """
-    path = check_path(path)
-    options = PictureOptions.of(view, focus, theme, size, look)
-    return save(strip_figure(marionette, run, n, times, options, forces, guides), path, scale)
+    path = check_picture_path(path)
+    options = PictureOptions.resolve(view, focus, theme, size, look)
+    return save_figure(
+        strip_figure(marionette, run, n, times, options, forces, guides), path, scale
+    )
 
 
 def strip_figure(
@@ -94,10 +96,10 @@ def strip_figure(
 ) -> Figure:
     """Strip as a matplotlib figure; arguments as for :func:`strip`."""
     sample_times = pose_times(marionette, run, n, times)
-    geometry = geometry_of(marionette, run.resample(sample_times), forces).with_guides(guides)
-    motion = geometry_of(marionette, run.resample(np.linspace(run.t[0], run.t[-1], 400)))
+    geometry = run_geometry(marionette, run.resample(sample_times), forces).with_guides(guides)
+    motion = run_geometry(marionette, run.resample(np.linspace(run.t[0], run.t[-1], 400)))
     peaks = run.tension.values[np.isfinite(run.tension.values)]
-    motion = replace(motion, peak=float(np.max(peaks, initial=0.0)))
+    motion = replace(motion, max_tension=float(np.max(peaks, initial=0.0)))
     n = len(sample_times)
     if options.size is None:
         panel = panel_size(geometry, options)
@@ -111,17 +113,19 @@ def strip_figure(
 
     if options.look == "stage":
         for k in range(n):
-            frame = Viewport(k * width / n, 0.0, width / n - (_GAP if k < n - 1 else 0.0), height)
+            frame = Viewport(
+                k * width / n, 0.0, width / n - (_STAGE_GAP if k < n - 1 else 0.0), height
+            )
             add_stage(sheet, geometry, k, options, frame)
         return sheet.figure
     full_scale = motion.tension_full_scale()
     panel_width = (width - 2.0 * unit) / n
     for k in range(n):
         viewport = Viewport(unit + k * panel_width, 4.6 * unit, panel_width, height - 9.2 * unit)
-        layout = layout_of(geometry, viewport, options, full_scale)
-        sheet.floor(geometry, layout, grid=False)
-        sheet.polygons(compose(geometry, k, layout))
-        sheet.write(
+        layout = fit_layout(geometry, viewport, options, full_scale)
+        sheet.add_floor(geometry, layout, grid=False)
+        sheet.add_polygons(compose_polygons(geometry, k, layout))
+        sheet.add_text(
             viewport.x + 0.5 * panel_width,
             3.2 * unit,
             f"{sample_times[k]:.2f} s",
@@ -130,7 +134,7 @@ def strip_figure(
             ha="center",
             va="center",
         )
-    add_captions(sheet, motion, layout, unit)
+    add_title_and_scale(sheet, motion, layout, unit)
     return sheet.figure
 
 
@@ -138,11 +142,11 @@ def add_stage(
     sheet: Sheet, geometry: Geometry, k: int, options: PictureOptions, frame: Viewport
 ) -> None:
     """Adds sample k of a geometry on a stage, within a frame."""
-    layout = layout_of(geometry, inside(frame), options)
-    sheet.floor(geometry, layout, frame=frame)
-    sheet.shadows(stage_shadows(geometry, k, layout, frame), frame)
-    sheet.clip(sheet.polygons(compose(geometry, k, layout)), frame)
-    sheet.darkness(frame)
+    layout = fit_layout(geometry, puppet_viewport(frame), options)
+    sheet.add_floor(geometry, layout, frame=frame)
+    sheet.add_shadows(stage_shadows(geometry, k, layout, frame), frame)
+    sheet.clip(sheet.add_polygons(compose_polygons(geometry, k, layout)), frame)
+    sheet.add_vignette(frame)
 
 
 def draw(
@@ -177,14 +181,14 @@ def draw(
     Raises:
         MissingLibraryError: pyvista was chosen and is not installed.
     """
-    path = check_path(path)
-    geometry = geometry_at(marionette, state, tension)
-    studio_scale = scale if checked_renderer(renderer) == "pyvista" else None
-    options = PictureOptions.of(view, focus, theme, size, look)
-    return save(figure_of(geometry, options, studio_scale), path, scale)
+    path = check_picture_path(path)
+    geometry = state_geometry(marionette, state, tension)
+    studio_scale = scale if check_renderer(renderer) == "pyvista" else None
+    options = PictureOptions.resolve(view, focus, theme, size, look)
+    return save_figure(state_figure(geometry, options, studio_scale), path, scale)
 
 
-def figure_of(
+def state_figure(
     geometry: Geometry, options: PictureOptions, studio_scale: float | None = None
 ) -> Figure:
     """First sample of a geometry as a matplotlib figure.
@@ -194,14 +198,14 @@ def figure_of(
     """
     sheet, layout, unit = framed_sheet(geometry, options)
     if studio_scale is None:
-        sheet.polygons(compose(geometry, 0, layout))
+        sheet.add_polygons(compose_polygons(geometry, 0, layout))
     else:
-        sheet.polygons(shadows(geometry, 0, layout))
+        sheet.add_polygons(shadow_polygons(geometry, 0, layout))
         size = (sheet.width, sheet.height)
         studio = Studio(geometry, layout, size, studio_scale)
-        sheet.image(studio.photograph(0)[::-1], (0.0, size[0], 0.0, size[1]), 3.0)
+        sheet.add_image(studio.render(0)[::-1], (0.0, size[0], 0.0, size[1]), 3.0)
         studio.close()
-    add_captions(sheet, geometry, layout, unit)
+    add_title_and_scale(sheet, geometry, layout, unit)
     return sheet.figure
 
 
@@ -211,25 +215,25 @@ def framed_sheet(geometry: Geometry, options: PictureOptions) -> tuple[Sheet, La
     unit = max(7.0, height / 55.0)
     sheet = Sheet((width, height), options.theme)
     inner = Viewport(unit, 4.0 * unit, width - 2.0 * unit, height - 8.0 * unit)
-    inner = inside(sheet.frame) if options.look == "stage" else inner
-    layout = layout_of(geometry, inner, options)
-    sheet.floor(geometry, layout)
+    inner = puppet_viewport(sheet.frame) if options.look == "stage" else inner
+    layout = fit_layout(geometry, inner, options)
+    sheet.add_floor(geometry, layout)
     if layout.stage is not None:
-        sheet.shadows(stage_shadows(geometry, 0, layout, sheet.frame), sheet.frame)
+        sheet.add_shadows(stage_shadows(geometry, 0, layout, sheet.frame), sheet.frame)
     return sheet, layout, unit
 
 
-def add_captions(sheet: Sheet, geometry: Geometry, layout: Layout, unit: float) -> None:
+def add_title_and_scale(sheet: Sheet, geometry: Geometry, layout: Layout, unit: float) -> None:
     """Adds the title and the tension scale, or the darkness around a stage."""
     if layout.stage is not None:
-        sheet.darkness(sheet.frame)
+        sheet.add_vignette(sheet.frame)
         return
-    sheet.title(geometry.title, unit, sheet.height - 1.5 * unit)
-    sheet.tension_bar(geometry, layout, sheet.height - 2.3 * unit, unit)
+    sheet.add_title(geometry.title, unit, sheet.height - 1.5 * unit)
+    sheet.add_tension_bar(geometry, layout, sheet.height - 2.3 * unit, unit)
 
 
 def pose_times(
-    marionette: Drawable, run: Trajectory, n: int, how: str | Sequence[float] = "poses"
+    marionette: Drawable, run: Trajectory, n: int, selection: str | Sequence[float] = "poses"
 ) -> np.ndarray:
     """Times [s] at which a strip shows the puppet, in order.
 
@@ -241,46 +245,46 @@ def pose_times(
         marionette: the puppet.
         run: its motion.
         n: number of times.
-        how: ``poses``, ``events``, ``even``, or the times themselves.
+        selection: ``poses``, ``events``, ``even_times``, or the times themselves.
     """
     start, stop = float(run.t[0]), float(run.t[-1])
-    if not isinstance(how, str):
-        return np.sort(np.clip(np.asarray(how, dtype=float), start, stop))
+    if not isinstance(selection, str):
+        return np.sort(np.clip(np.asarray(selection, dtype=float), start, stop))
     if n < 1:
         raise ValueError(f"n is {n}; a strip needs at least one pose")
-    even = np.linspace(start, stop, n) if n > 1 else np.array([0.5 * (start + stop)])
-    if how == "even" or n < 3:
-        return even
-    if how not in ("poses", "events"):
-        raise ValueError(f"times is {how!r}; it can be poses, events, even or numbers")
+    even_times = np.linspace(start, stop, n) if n > 1 else np.array([0.5 * (start + stop)])
+    if selection == "even" or n < 3:
+        return even_times
+    if selection not in ("poses", "events"):
+        raise ValueError(f"times is {selection!r}; it can be poses, events, even or numbers")
     grid = np.linspace(start, stop, 200)
-    shape = _features(marionette, run.resample(grid))
+    pose_features = _features(marionette, run.resample(grid))
     relative_time = ((grid - start) / max(stop - start, 1e-12))[:, None]
-    features = np.concatenate([shape, 1.2 * relative_time], axis=1)
-    chosen = [0, len(grid) - 1]
-    if how == "events":
+    features = np.concatenate([pose_features, 1.2 * relative_time], axis=1)
+    samples = [0, len(grid) - 1]
+    if selection == "events":
         catch_times = sorted(e.t for e in run.events if e.kind in ("catch", "accumulation"))
-        spread = np.unique(
+        catch_indices = np.unique(
             np.linspace(0, len(catch_times) - 1, min(n - 2, len(catch_times))).astype(int)
         )
-        chosen += [int(np.searchsorted(grid, catch_times[k])) for k in spread]
-        chosen = sorted({min(k, len(grid) - 1) for k in chosen})
-    max_gap = math.ceil(MAX_GAP * (len(grid) - 1) / (n - 1))
-    while len(chosen) < n:
-        distances = np.linalg.norm(features[:, None] - features[chosen][None], axis=2).min(axis=1)
+        samples += [int(np.searchsorted(grid, catch_times[k])) for k in catch_indices]
+        samples = sorted({min(k, len(grid) - 1) for k in samples})
+    max_gap = math.ceil(MAX_POSE_GAP * (len(grid) - 1) / (n - 1))
+    while len(samples) < n:
+        distances = np.linalg.norm(features[:, None] - features[samples][None], axis=2).min(axis=1)
         if distances.max() <= 0.0:
             break
-        left = n - len(chosen) - 1
-        closes = [_n_missing([*chosen, k], max_gap) <= left for k in range(len(grid))]
-        if any(closes):
-            distances = np.where(closes, distances, -1.0)
-        chosen.append(int(np.argmax(distances)))
-    return grid[sorted(chosen)]
+        n_left = n - len(samples) - 1
+        fills_gaps = [_n_missing([*samples, k], max_gap) <= n_left for k in range(len(grid))]
+        if any(fills_gaps):
+            distances = np.where(fills_gaps, distances, -1.0)
+        samples.append(int(np.argmax(distances)))
+    return grid[sorted(samples)]
 
 
-def _n_missing(chosen: list[int], max_gap: int) -> int:
+def _n_missing(samples: list[int], max_gap: int) -> int:
     """Number of further samples after which no two neighbours are more than a gap apart."""
-    return sum(max(0, b - a - 1) // max_gap for a, b in pairwise(sorted(chosen)))
+    return sum(max(0, b - a - 1) // max_gap for a, b in pairwise(sorted(samples)))
 
 
 def _features(marionette: Drawable, run: Trajectory) -> np.ndarray:
@@ -293,7 +297,7 @@ def _features(marionette: Drawable, run: Trajectory) -> np.ndarray:
 
 def panel_size(geometry: Geometry, options: PictureOptions) -> tuple[float, float]:
     """Width and height [px] of a pose; the width is adapted to the motion."""
-    layout = layout_of(geometry, Viewport(0.0, 0.0, 500.0, 500.0), options)
+    layout = fit_layout(geometry, Viewport(0.0, 0.0, 500.0, 500.0), options)
     centres, radii = geometry.balls(strings=options.focus == "all")
     projected = layout.camera.project(centres, layout.viewport)
     radii_px = radii * layout.camera.scale(projected[:, 2], layout.viewport)
@@ -308,7 +312,7 @@ def panel_size(geometry: Geometry, options: PictureOptions) -> tuple[float, floa
     return aspect * height * 1.06, height
 
 
-def check_path(path: str | os.PathLike[str]) -> Path:
+def check_picture_path(path: str | os.PathLike[str]) -> Path:
     """Returns the path of a picture, if its ending is known and its folder exists."""
     path = Path(path)
     if path.suffix.lower() not in FORMATS:
@@ -318,11 +322,11 @@ def check_path(path: str | os.PathLike[str]) -> Path:
     return path
 
 
-def save(figure: Figure, path: Path, scale: float) -> Path:
+def save_figure(figure: Figure, path: Path, scale: float) -> Path:
     """Writes a figure; the file appears only when complete."""
     try:
         with replacing(path) as temporary:
             figure.savefig(temporary, dpi=DPI * scale, format=path.suffix[1:].lower())
-    except OSError as reason:
-        raise PictureError(f"{path} cannot be written: {reason.strerror}") from reason
+    except OSError as error:
+        raise PictureError(f"{path} cannot be written: {error.strerror}") from error
     return path

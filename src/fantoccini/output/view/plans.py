@@ -10,10 +10,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fantoccini.model.tree import WORLD
-from fantoccini.output.view.compose import Layout, compose
+from fantoccini.output.view.compose import Layout, compose_polygons
 from fantoccini.output.view.drawing import PictureOptions, Sheet
-from fantoccini.output.view.geometry import Geometry, geometry_of, spread
-from fantoccini.output.view.pictures import add_captions, check_path, framed_sheet, pose_times, save
+from fantoccini.output.view.geometry import Geometry, run_geometry, spread_indices
+from fantoccini.output.view.pictures import (
+    add_title_and_scale,
+    check_picture_path,
+    framed_sheet,
+    pose_times,
+    save_figure,
+)
 from fantoccini.output.view.still import Drawable
 from fantoccini.output.view.theme import Theme, rgb
 
@@ -58,11 +64,11 @@ def plan_picture(
     Returns:
         The path of the picture.
     """
-    path, options = check_path(path), PictureOptions.of(view, "all", theme, size)
+    path, options = check_picture_path(path), PictureOptions.resolve(view, "all", theme, size)
     times = pose_times(marionette, run, poses)
-    geometry = geometry_of(marionette, run.resample(times))
+    geometry = run_geometry(marionette, run.resample(times))
     sheet, layout, unit = framed_sheet(geometry, options)
-    dots = layout.camera.project(nodes[spread(len(nodes), MAX_DOTS)], layout.viewport)
+    dots = layout.camera.project(nodes[spread_indices(len(nodes), MAX_DOTS)], layout.viewport)
     sheet.axes.plot(
         dots[:, 0],
         dots[:, 1],
@@ -80,9 +86,11 @@ def plan_picture(
     caption = f"{len(nodes)} nodes; {run.t[-1] - run.t[0]:.2f} s, poses at " + ", ".join(
         f"{t - run.t[0]:.2f} s" for t in times
     )
-    sheet.write(1.6 * unit, 2.2 * unit, caption, unit, options.theme.text, ha="left", va="center")
-    add_captions(sheet, geometry, layout, unit)
-    return save(sheet.figure, path, scale)
+    sheet.add_text(
+        1.6 * unit, 2.2 * unit, caption, unit, options.theme.text, ha="left", va="center"
+    )
+    add_title_and_scale(sheet, geometry, layout, unit)
+    return save_figure(sheet.figure, path, scale)
 
 
 def fading_poses(sheet: Sheet, geometry: Geometry, layout: Layout) -> None:
@@ -94,9 +102,9 @@ def fading_poses(sheet: Sheet, geometry: Geometry, layout: Layout) -> None:
         opacity = FIRST_OPACITY + (1.0 - FIRST_OPACITY) * k / max(last, 1)
         polygons = [
             replace(p, face=_faded(p.face, opacity), edge=_faded(p.edge, opacity))
-            for p in compose(geometry if k == last else moving, k, layout)
+            for p in compose_polygons(geometry if k == last else moving, k, layout)
         ]
-        sheet.polygons(polygons, zorder=2.0 + 0.1 * k)
+        sheet.add_polygons(polygons, zorder=2.0 + 0.1 * k)
 
 
 def _faded(colour: tuple[float, ...], opacity: float) -> tuple[float, ...]:

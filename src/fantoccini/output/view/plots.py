@@ -11,7 +11,7 @@ import numpy as np
 
 from fantoccini.base import rotation
 from fantoccini.output.view.drawing import blank_figure, one_line, style_axes
-from fantoccini.output.view.pictures import check_path, save
+from fantoccini.output.view.pictures import check_picture_path, save_figure
 from fantoccini.output.view.theme import Theme, theme_of
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ Styles = dict[str, dict[str, Any]]
 
 MAX_LINES = 24
 """Largest number of driven coordinates that are drawn."""
-_LENGTH = ".length"
+_LENGTH_SUFFIX = ".length"
 """Ending of the name of a driven length."""
 _MIN_MOVE = 1e-9
 """Smallest range of a coordinate that moves [m or rad]."""
@@ -33,7 +33,7 @@ _LEGEND_SIZE = 8.0
 """Font size of legends [pt]."""
 _ROW_GAP = 0.3
 """Distance between two rows of a legend, relative to the font size."""
-_MARGIN = 14.0
+_LEGEND_MARGIN = 14.0
 """Distance of legends from the panels and the figure's edge, together [px]."""
 _MIN_PANEL_WIDTH = 0.25
 """Smallest width of a panel, relative to the figure."""
@@ -62,7 +62,7 @@ def plot(
     Returns:
         The figure, which a notebook displays.
     """
-    target = None if path is None else check_path(path)
+    picture_path = None if path is None else check_picture_path(path)
     theme = theme_of(theme)
     strings = run.tension.names
     figure = blank_figure(size, facecolor=theme.upper_background)
@@ -70,18 +70,18 @@ def plot(
     styles = {name: line_style(theme, k) for k, name in enumerate(strings)}
     panels: list[tuple[float, Callable[[Axes], None]]] = []
     if strings:
-        panels.append((3.0, lambda axes: _tension(axes, run, styles, theme)))
+        panels.append((3.0, lambda axes: _draw_tensions(axes, run, styles, theme)))
         height = min(3.4, 0.7 + 0.2 * len(strings))
-        panels.append((height, lambda axes: _active_set(axes, run, styles, theme)))
-    panels.append((2.4, lambda axes: _energy(axes, run, theme)))
+        panels.append((height, lambda axes: _draw_active_set(axes, run, styles, theme)))
+    panels.append((2.4, lambda axes: _draw_energy(axes, run, theme)))
     lengths, others = _driven_scalars(run)
     if lengths:
-        panels.append((2.4, lambda axes: _driven(axes, run, lengths, styles, theme)))
+        panels.append((2.4, lambda axes: _draw_driven(axes, run, lengths, styles, theme)))
     if others:
-        panels.append((2.4, lambda axes: _driven(axes, run, others, styles, theme)))
+        panels.append((2.4, lambda axes: _draw_driven(axes, run, others, styles, theme)))
     if run.coordinates.quaternions_K:
-        panels.append((2.0, lambda axes: _rotations(axes, run, theme)))
-    ratios = [share for share, _ in panels]
+        panels.append((2.0, lambda axes: _draw_rotations(axes, run, theme)))
+    ratios = [ratio for ratio, _ in panels]
     panel_axes = figure.subplots(
         len(panels),
         1,
@@ -116,8 +116,8 @@ def plot(
         parse_math=False,
         usetex=False,
     )
-    if target is not None:
-        save(figure, target, scale)
+    if picture_path is not None:
+        save_figure(figure, picture_path, scale)
     return figure
 
 
@@ -127,7 +127,7 @@ def line_style(theme: Theme, k: int) -> dict[str, Any]:
     return {"color": theme.colour(k), "linestyle": (0, dashes) if dashes else "-"}
 
 
-def _tension(axes: Axes, run: Trajectory, styles: Styles, theme: Theme) -> None:
+def _draw_tensions(axes: Axes, run: Trajectory, styles: Styles, theme: Theme) -> None:
     values = run.tension.values
     undetermined, label = np.zeros(len(run), dtype=bool), "tension [N]"
     for k, name in enumerate(run.tension.names):
@@ -135,7 +135,7 @@ def _tension(axes: Axes, run: Trajectory, styles: Styles, theme: Theme) -> None:
         if run.undetermined is not None:
             undetermined |= run.undetermined.flags(name)
     if np.any(undetermined):
-        spans = _spans(run.t, undetermined)
+        spans = _true_intervals(run.t, undetermined)
         axes.broken_barh(
             spans,
             (0.0, 1.0),
@@ -153,14 +153,14 @@ def _tension(axes: Axes, run: Trajectory, styles: Styles, theme: Theme) -> None:
         high = min(finite.max(), 2.5 * max(np.percentile(finite, 99.5), 1e-12))
         low = min(0.0, float(values[np.isfinite(values)].min()))
         axes.set_ylim(1.06 * low, 1.06 * high)
-    legend(axes, theme)
+    add_legend(axes, theme)
 
 
-def _active_set(axes: Axes, run: Trajectory, styles: Styles, theme: Theme) -> None:
+def _draw_active_set(axes: Axes, run: Trajectory, styles: Styles, theme: Theme) -> None:
     names = run.taut.names
     for k, name in enumerate(names):
         axes.broken_barh(
-            _spans(run.t, run.taut.values[:, k]),
+            _true_intervals(run.t, run.taut.values[:, k]),
             (k - 0.32, 0.64),
             facecolor=styles[name]["color"],
             linewidth=0.0,
@@ -194,7 +194,7 @@ def _active_set(axes: Axes, run: Trajectory, styles: Styles, theme: Theme) -> No
     )
 
 
-def _energy(axes: Axes, run: Trajectory, theme: Theme) -> None:
+def _draw_energy(axes: Axes, run: Trajectory, theme: Theme) -> None:
     n_lines = 0
     for name in run.ledger.names:
         values = run.ledger[name]
@@ -207,7 +207,7 @@ def _energy(axes: Axes, run: Trajectory, theme: Theme) -> None:
     axes.axhline(0.0, color=theme.muted, linewidth=0.6)
     axes.set_ylabel("energy [J]", color=theme.text)
     use_powers_of_ten(axes, theme)
-    legend(axes, theme)
+    add_legend(axes, theme)
 
 
 def _driven_scalars(run: Trajectory) -> tuple[list[int], list[int]]:
@@ -218,22 +218,24 @@ def _driven_scalars(run: Trajectory) -> tuple[list[int], list[int]]:
     names = run.coordinates.q_K
     # Orientations have their own panel.
     in_quaternions = {q + i for q, _ in run.coordinates.quaternions_K for i in range(4)}
-    lengths = [k for k, name in enumerate(names) if name.endswith(_LENGTH)]
+    lengths = [k for k, name in enumerate(names) if name.endswith(_LENGTH_SUFFIX)]
     others = [k for k in range(len(names)) if k not in {*lengths, *in_quaternions}]
     if lengths:
         others = [k for k in others if np.ptp(run.q_K[:, k]) > _MIN_MOVE]
     return lengths, others
 
 
-def _driven(axes: Axes, run: Trajectory, chosen: list[int], styles: Styles, theme: Theme) -> None:
+def _draw_driven(
+    axes: Axes, run: Trajectory, indices: list[int], styles: Styles, theme: Theme
+) -> None:
     """Panel of driven coordinates; either all of them are lengths, or none is."""
     names = list(run.coordinates.q_K)
-    is_length = names[chosen[0]].endswith(_LENGTH)
+    is_length = names[indices[0]].endswith(_LENGTH_SUFFIX)
     label = "driven length [m]" if is_length else "driven [m or rad]"
     driven_by = {command: name for name, command in run.coordinates.commands.items()}
-    for n, k in enumerate(chosen[:MAX_LINES]):
+    for n, k in enumerate(indices[:MAX_LINES]):
         name = driven_by.get(names[k], names[k])
-        owner = name.removesuffix(_LENGTH)
+        owner = name.removesuffix(_LENGTH_SUFFIX)
         style = styles.get(owner, line_style(theme, n))
         if name == names[k]:
             axes.plot(run.t, run.q_K[:, k], **style, linewidth=1.2, label=owner)
@@ -250,10 +252,10 @@ def _driven(axes: Axes, run: Trajectory, chosen: list[int], styles: Styles, them
         )
     axes.set_ylabel(label, color=theme.text)
     use_powers_of_ten(axes, theme)
-    legend(axes, theme)
+    add_legend(axes, theme)
 
 
-def _rotations(axes: Axes, run: Trajectory, theme: Theme) -> None:
+def _draw_rotations(axes: Axes, run: Trajectory, theme: Theme) -> None:
     names = run.coordinates.q_K
     for n, (q, _) in enumerate(run.coordinates.quaternions_K[: MAX_LINES // 3]):
         orientations = rotation.continuous(run.q_K[:, q : q + 4])
@@ -266,7 +268,7 @@ def _rotations(axes: Axes, run: Trajectory, theme: Theme) -> None:
             axes.plot(run.t, vector[:, i], **style, linewidth=1.2, label=label)
     axes.set_ylabel("driven\nrotation [rad]", color=theme.text)
     use_powers_of_ten(axes, theme)
-    legend(axes, theme)
+    add_legend(axes, theme)
 
 
 def use_powers_of_ten(axes: Axes, theme: Theme) -> None:
@@ -275,22 +277,22 @@ def use_powers_of_ten(axes: Axes, theme: Theme) -> None:
     axes.yaxis.get_offset_text().set(color=theme.text, fontsize=8)
 
 
-def _spans(t: np.ndarray, on: np.ndarray) -> list[tuple[float, float]]:
+def _true_intervals(t: np.ndarray, flags: np.ndarray) -> list[tuple[float, float]]:
     """(start, duration) of each interval of true values; a value holds until the next sample."""
-    steps = np.flatnonzero(np.diff(np.concatenate([[False], on, [False]]).astype(int)))
+    steps = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(int)))
     ends = np.append(t, t[-1])
     return [(float(t[a]), float(ends[b] - t[a])) for a, b in steps.reshape(-1, 2)]
 
 
-def legend(axes: Axes, theme: Theme) -> None:
+def add_legend(axes: Axes, theme: Theme) -> None:
     """Adds the legend at the right of the axes, with as many columns as their height requires."""
-    handles, labels = axes.get_legend_handles_labels()
-    if not handles:
+    line_handles, labels = axes.get_legend_handles_labels()
+    if not line_handles:
         return
     row_height = (1.0 + _ROW_GAP) * _LEGEND_SIZE * axes.figure.dpi / 72.0
     rows = max(1, int(axes.get_window_extent().height / row_height))
-    box = axes.legend(
-        handles,
+    legend_box = axes.legend(
+        line_handles,
         [one_line(x, 24) for x in labels],
         loc="upper left",
         bbox_to_anchor=(1.005, 1.03),
@@ -301,9 +303,9 @@ def legend(axes: Axes, theme: Theme) -> None:
         borderaxespad=0.0,
         labelspacing=_ROW_GAP,
         columnspacing=1.0,
-        ncols=math.ceil(len(handles) / rows),
+        ncols=math.ceil(len(line_handles) / rows),
     )
-    for text in box.get_texts():
+    for text in legend_box.get_texts():
         text.set_parse_math(False)
         text.set_usetex(False)
 
@@ -317,8 +319,10 @@ def fit_legends(panels: Sequence[Axes]) -> None:
     if not boxes:
         return
     figure_width = panels[0].figure.bbox.width
-    right = 1.0 - (max(box.get_window_extent().width for box in boxes) + _MARGIN) / figure_width
+    right = (
+        1.0 - (max(box.get_window_extent().width for box in boxes) + _LEGEND_MARGIN) / figure_width
+    )
     for axes in panels:
-        place = axes.get_position()
-        width = max(min(place.width, right - place.x0), _MIN_PANEL_WIDTH)
-        axes.set_position((place.x0, place.y0, width, place.height))
+        position = axes.get_position()
+        width = max(min(position.width, right - position.x0), _MIN_PANEL_WIDTH)
+        axes.set_position((position.x0, position.y0, width, position.height))

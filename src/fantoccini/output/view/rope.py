@@ -25,7 +25,7 @@ class _Tolerances(NamedTuple):
 _TOLERANCES = _Tolerances()
 
 
-def hanging(start: np.ndarray, end: np.ndarray, length: float, n: int = 48) -> np.ndarray:
+def hanging_curve(start: np.ndarray, end: np.ndarray, length: float, n: int = 48) -> np.ndarray:
     """Points along a thread that hangs between two points.
 
     Args:
@@ -37,15 +37,17 @@ def hanging(start: np.ndarray, end: np.ndarray, length: float, n: int = 48) -> n
         (n, 3) points [m]; the first and last are the ends.
     """
     start, end = np.asarray(start, dtype=float), np.asarray(end, dtype=float)
-    along = end - start
-    span = float(np.linalg.norm(along))
+    offset = end - start
+    span = float(np.linalg.norm(offset))
     steps = np.linspace(0.0, 1.0, n)
     if not length > span * (1.0 + _TOLERANCES.straight) or not np.isfinite(length):
-        return start + steps[:, None] * along
-    width = float(np.hypot(along[0], along[1]))
-    direction = along[:2] / width if width > _TOLERANCES.vertical * length else np.array([1.0, 0.0])
+        return start + steps[:, None] * offset
+    width = float(np.hypot(offset[0], offset[1]))
+    direction = (
+        offset[:2] / width if width > _TOLERANCES.vertical * length else np.array([1.0, 0.0])
+    )
 
-    a, first, last = (float(value) for value in catenary(along, length))
+    a, first, last = (float(value) for value in catenary(offset, length))
     s = _samples(first, last, a, n)
 
     x = a * (np.arcsinh(s / a) - np.arcsinh(s[0] / a))
@@ -58,7 +60,7 @@ def hanging(start: np.ndarray, end: np.ndarray, length: float, n: int = 48) -> n
     return points
 
 
-def path(points: np.ndarray, length: float, n: int = 48) -> np.ndarray:
+def slack_curve(points: np.ndarray, length: float, n: int = 48) -> np.ndarray:
     """Points along a slack string that runs through several points.
 
     Its excess length is shared among the segments in proportion to their spans.
@@ -74,12 +76,12 @@ def path(points: np.ndarray, length: float, n: int = 48) -> np.ndarray:
     points = np.asarray(points, dtype=float)
     spans = np.linalg.norm(np.diff(points, axis=0), axis=1)
     total = float(spans.sum())
-    share = spans / total if total > 0.0 else np.full(len(spans), 1.0 / len(spans))
-    parts = [
-        hanging(a, b, length * f, n)[0 if k == 0 else 1 :]
-        for k, (a, b, f) in enumerate(zip(points[:-1], points[1:], share, strict=True))
+    shares = spans / total if total > 0.0 else np.full(len(spans), 1.0 / len(spans))
+    curves = [
+        hanging_curve(a, b, length * f, n)[0 if k == 0 else 1 :]
+        for k, (a, b, f) in enumerate(zip(points[:-1], points[1:], shares, strict=True))
     ]
-    return np.concatenate(parts)
+    return np.concatenate(curves)
 
 
 def _samples(first: float, last: float, a: float, n: int) -> np.ndarray:

@@ -13,7 +13,7 @@ import numpy as np
 
 from fantoccini.base import cross, perpendicular, unit
 from fantoccini.output.view.camera import Camera, Viewport
-from fantoccini.output.view.theme import Theme, mix
+from fantoccini.output.view.theme import Theme, mix_colours
 
 _LIGHT_ON_PICTURE = np.array([-0.53, 0.85])
 """Direction towards the light in the picture, right and up."""
@@ -22,7 +22,7 @@ _LIGHT = np.array([-0.42, 0.72, 0.55])
 
 _WHITE = np.ones(3)
 
-CLEAR = (0.0, 0.0, 0.0, 0.0)
+TRANSPARENT = (0.0, 0.0, 0.0, 0.0)
 """Colour without opacity."""
 
 
@@ -37,14 +37,14 @@ class Solid:
         points: (2, 3) ends of a capsule; (1, 3) centre of an ellipsoid; (n, 3) vertices of faces
             [m].
         radius: radius of a capsule [m].
-        half: (3, 3) half axes, as columns, of an ellipsoid, or of the one that replaces a solid
-            with faces in the painting order [m]; zero for a capsule.
+        half_axes: (3, 3) half axes, as columns, of an ellipsoid, or of the one that replaces a
+            solid with faces in the painting order [m]; zero for a capsule.
         faces: indices of each face's corners in ``points``, anticlockwise seen from outside.
         smooth: True for a mesh: edges between faces are not drawn.
         colours: (m, 3) colours of the faces, if they differ; else None.
-        fine: the same mesh with more triangles, for renderers with a depth buffer; else None.
+        detailed: the same mesh with more triangles, for renderers with a depth buffer; else None.
         axis: (2, 3) ends of the longest line inside, for the painting order [m].
-        girth: distance from that line to the surface [m].
+        half_thickness: distance from that line to the surface [m].
     """
 
     link: int
@@ -52,18 +52,18 @@ class Solid:
     colour: np.ndarray
     points: np.ndarray
     axis: np.ndarray
-    girth: float
+    half_thickness: float
     radius: float = 0.0
-    half: np.ndarray = field(default_factory=lambda: np.zeros((3, 3)))
+    half_axes: np.ndarray = field(default_factory=lambda: np.zeros((3, 3)))
     faces: tuple[np.ndarray, ...] | np.ndarray = ()
     smooth: bool = False
     colours: np.ndarray | None = None
-    fine: Solid | None = None
+    detailed: Solid | None = None
 
     @property
-    def full(self) -> Solid:
+    def most_detailed(self) -> Solid:
         """The solid with all its triangles."""
-        return self if self.fine is None else self.fine
+        return self if self.detailed is None else self.detailed
 
 
 @dataclass(frozen=True)
@@ -83,31 +83,51 @@ class Polygon:
     width: float
 
 
-def capsule(link: int, colour: np.ndarray, ends: np.ndarray, radius: float) -> Solid:
+def capsule_solid(link: int, colour: np.ndarray, ends: np.ndarray, radius: float) -> Solid:
     """Capsule, or ball if the (2, 3) ends [m] coincide."""
     ends = np.asarray(ends, dtype=float)
     return Solid(link, "capsule", colour, ends, ends, radius, radius=radius)
 
 
-def ellipsoid(link: int, colour: np.ndarray, centre: np.ndarray, half: np.ndarray) -> Solid:
+def ellipsoid_solid(
+    link: int, colour: np.ndarray, centre: np.ndarray, half_axes: np.ndarray
+) -> Solid:
     """Ellipsoid with centre (3,) and half axes, the columns of (3, 3) [m]."""
-    axis, girth = _long_axis(centre, half)
-    return Solid(link, "ellipsoid", colour, np.array([centre]), axis, girth, half=half)
+    axis, half_thickness = _long_axis(centre, half_axes)
+    return Solid(
+        link, "ellipsoid", colour, np.array([centre]), axis, half_thickness, half_axes=half_axes
+    )
 
 
-def box(link: int, colour: np.ndarray, centre: np.ndarray, half: np.ndarray) -> Solid:
+def box_solid(link: int, colour: np.ndarray, centre: np.ndarray, half_axes: np.ndarray) -> Solid:
     """Box with centre (3,) and half edges, the columns of (3, 3) [m]."""
     signs = np.array([[x, y, z] for z in (-1, 1) for y in (-1, 1) for x in (-1, 1)], dtype=float)
-    sides = ((0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5))
-    faces = [np.array(c) for c in sides]
-    if np.linalg.det(half) < 0.0:
+    face_corners = (
+        (0, 2, 3, 1),
+        (4, 5, 7, 6),
+        (0, 1, 5, 4),
+        (2, 6, 7, 3),
+        (0, 4, 6, 2),
+        (1, 3, 7, 5),
+    )
+    faces = [np.array(c) for c in face_corners]
+    if np.linalg.det(half_axes) < 0.0:
         faces = [f[::-1] for f in faces]
-    axis, girth = _long_axis(centre, half)
-    corners = centre + signs @ half.T
-    return Solid(link, "faces", colour, corners, axis, girth, half=half, faces=tuple(faces))
+    axis, half_thickness = _long_axis(centre, half_axes)
+    corners = centre + signs @ half_axes.T
+    return Solid(
+        link,
+        "faces",
+        colour,
+        corners,
+        axis,
+        half_thickness,
+        half_axes=half_axes,
+        faces=tuple(faces),
+    )
 
 
-def mesh(
+def mesh_solid(
     link: int,
     colour: np.ndarray,
     vertices: np.ndarray,
@@ -120,7 +140,7 @@ def mesh(
     """
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     half = np.diag(np.maximum(0.5 * (high - low), 1e-9))
-    axis, girth = _long_axis(0.5 * (low + high), half)
+    axis, half_thickness = _long_axis(0.5 * (low + high), half)
     if colours is not None and len(np.unique(colours, axis=0)) == 1:
         colour, colours = colours[0], None
     elif colours is not None:
@@ -133,23 +153,23 @@ def mesh(
         colour,
         vertices,
         axis,
-        girth,
-        half=half,
+        half_thickness,
+        half_axes=half,
         faces=faces,
         smooth=True,
         colours=colours,
     )
 
 
-def _long_axis(centre: np.ndarray, half: np.ndarray) -> tuple[np.ndarray, float]:
-    lengths = np.linalg.norm(half, axis=0)
+def _long_axis(centre: np.ndarray, half_axes: np.ndarray) -> tuple[np.ndarray, float]:
+    lengths = np.linalg.norm(half_axes, axis=0)
     order = np.argsort(lengths)
     longest, second = order[2], order[1]
-    half_axis = half[:, longest] * (1.0 - lengths[second] / max(lengths[longest], 1e-12))
+    half_axis = half_axes[:, longest] * (1.0 - lengths[second] / max(lengths[longest], 1e-12))
     return np.array([centre - half_axis, centre + half_axis]), float(lengths[order[0]])
 
 
-def paint(
+def paint_solid(
     solid: Solid,
     pose: np.ndarray,
     camera: Camera,
@@ -166,38 +186,40 @@ def paint(
         theme: colours.
         line_width: width of outlines [px].
     """
-    ink = (*(solid.colour * theme.outline), 1.0)
+    outline_colour = (*(solid.colour * theme.outline), 1.0)
     points = camera.to_camera(solid.points @ pose[:, :3].T + pose[:, 3])
     if np.any(points[:, 2] <= 1e-6):
         return []
     if solid.kind == "faces":
-        return _paint_faces(solid, points, camera, viewport, ink, line_width)
+        return _paint_faces(solid, points, camera, viewport, outline_colour, line_width)
     if solid.kind == "capsule":
         centres = camera.to_pixels(points, viewport)
         radii = solid.radius * camera.scale(points[:, 2], viewport)
         size = float(radii.max())
         stack = _capsule_stack(centres, radii, _shade_count(size))
     else:
-        rim = _visible_contour(solid.points[0], solid.half, pose, camera.eye)
-        outline = camera.project(rim, viewport)[:, :2]
+        contour = _visible_contour(solid.points[0], solid.half_axes, pose, camera.eye)
+        outline = camera.project(contour, viewport)[:, :2]
         middle = outline.mean(axis=0)
         brightest = outline[np.argmax((outline - middle) @ _LIGHT_ON_PICTURE)]
         highlight = middle + 0.42 * (brightest - middle)
         size = 0.5 * float(np.ptp(outline, axis=0).min())
         shrink = np.linspace(1.0, 0.1, _shade_count(size))[:, None, None]
         stack = highlight + shrink * (outline - highlight)
-    tones = _shades(solid.colour, len(stack))
+    colours = _shades(solid.colour, len(stack))
     return [
-        Polygon(outline, (*tone, 1.0), *((CLEAR, 0.0) if k else (ink, line_width)))
-        for k, (outline, tone) in enumerate(zip(stack, tones, strict=True))
+        Polygon(
+            outline, (*colour, 1.0), *((TRANSPARENT, 0.0) if k else (outline_colour, line_width))
+        )
+        for k, (outline, colour) in enumerate(zip(stack, colours, strict=True))
     ]
 
 
-def shadow(solid: Solid, pose: np.ndarray, floor: float, ray: np.ndarray) -> np.ndarray:
+def shadow_outline(solid: Solid, pose: np.ndarray, floor: float, ray: np.ndarray) -> np.ndarray:
     """Outline (n, 3) of the shadow on the plane z = floor, for light along ray (3,) [m]."""
     points = solid.points @ pose[:, :3].T + pose[:, 3]
     if solid.kind == "ellipsoid":
-        half = pose[:, :3] @ solid.half
+        half = pose[:, :3] @ solid.half_axes
         points = points[0] + _great_circle(np.linalg.solve(half, ray)) @ half.T
     outline = points[:, :2] + ((floor - points[:, 2:]) / ray[2]) * ray[:2]
     if solid.kind == "capsule":
@@ -212,7 +234,7 @@ def _paint_faces(
     points: np.ndarray,
     camera: Camera,
     viewport: Viewport,
-    ink: tuple[float, ...],
+    outline_colour: tuple[float, ...],
     line_width: float,
 ) -> list[Polygon]:
     pixels = camera.to_pixels(points, viewport)
@@ -226,14 +248,18 @@ def _paint_faces(
         if size == 0.0 or normal @ corners[0] >= 0.0:
             continue
         shade = max(0.0, float(normal @ _LIGHT) / float(size))
-        tone = mix(colour * 0.55, mix(colour, _WHITE, 0.22), shade)
-        edge, width = ((*tone, 1.0), 0.4) if solid.smooth else (ink, 0.8 * line_width)
-        polygons.append(Polygon(pixels[face], (*tone, 1.0), edge, width))
+        shaded_colour = mix_colours(colour * 0.55, mix_colours(colour, _WHITE, 0.22), shade)
+        edge, width = (
+            ((*shaded_colour, 1.0), 0.4) if solid.smooth else (outline_colour, 0.8 * line_width)
+        )
+        polygons.append(Polygon(pixels[face], (*shaded_colour, 1.0), edge, width))
         depths.append(points[face, 2].mean())
     polygons = [polygons[k] for k in np.argsort(depths)[::-1]]
     if solid.smooth:
         # The outline: the same triangles underneath, wider by one line width.
-        underlay = [Polygon(p.outline, ink, ink, 2.0 * line_width) for p in polygons]
+        underlay = [
+            Polygon(p.outline, outline_colour, outline_colour, 2.0 * line_width) for p in polygons
+        ]
         return underlay + polygons
     return polygons
 
@@ -244,9 +270,11 @@ def _shade_count(size: float) -> int:
 
 def _shades(colour: np.ndarray, n: int) -> np.ndarray:
     light = np.linspace(0.0, 1.0, n)[:, None]
-    dark, bright = colour * 0.66, mix(colour, _WHITE, 0.30)
+    dark, bright = colour * 0.66, mix_colours(colour, _WHITE, 0.30)
     return np.where(
-        light < 0.45, mix(dark, colour, light / 0.45), mix(colour, bright, (light - 0.45) / 0.55)
+        light < 0.45,
+        mix_colours(dark, colour, light / 0.45),
+        mix_colours(colour, bright, (light - 0.45) / 0.55),
     )
 
 
@@ -258,7 +286,10 @@ def _capsule_stack(centres: np.ndarray, radii: np.ndarray, tones: int) -> np.nda
     if distance <= abs(radii[0] - radii[1]) + 1e-9:
         larger = int(np.argmax(radii))
         angles = np.linspace(0.0, 2.0 * np.pi, 2 * count, endpoint=False)
-        middle, radius = np.tile(centres[larger], (2 * count, 1)), np.full(2 * count, radii[larger])
+        middle, radius = (
+            np.tile(centres[larger], (2 * count, 1)),
+            np.full(2 * count, radii[larger]),
+        )
     else:
         direction = np.arctan2(offset[1], offset[0])
         half_opening = np.arccos((radii[0] - radii[1]) / distance)

@@ -10,7 +10,7 @@ from fantoccini.base import sound_input
 if TYPE_CHECKING:
     from fantoccini.theatre.gestures import Sound
 
-SPEEDS = (0.25, 4.0)
+SPEED_RANGE = (0.25, 4.0)
 """Speed range of films with sound."""
 
 _SAMPLE_RATE = 48000
@@ -44,10 +44,10 @@ def soundtrack(
     audible = [s for s in sounds if s.start + s.duration > start and s.start < end]
     if not audible:
         return [], ["-an"]
-    if not SPEEDS[0] <= speed <= SPEEDS[1]:
+    if not SPEED_RANGE[0] <= speed <= SPEED_RANGE[1]:
         raise ValueError(
-            f"speed is {speed:g}; a film with sound needs {SPEEDS[0]:g} to {SPEEDS[1]:g}, "
-            "or no sounds"
+            f"speed is {speed:g}; a film with sound needs {SPEED_RANGE[0]:g} to "
+            f"{SPEED_RANGE[1]:g}, or no sounds"
         )
     inputs, filter_chains = list[str](), list[str]()
     for i, sound in enumerate(audible, start=1):

@@ -12,12 +12,12 @@ import numpy as np
 
 from fantoccini.output.view.camera import Camera, Viewport
 from fantoccini.output.view.geometry import Geometry
-from fantoccini.output.view.theme import DARK, mix, rgb
+from fantoccini.output.view.theme import DARK, mix_colours, rgb
 
 LOOKS = ("diagram", "stage")
 """Looks of pictures: with title, time and tension scale, or as in a theatre."""
 
-STAGE = replace(
+STAGE_THEME = replace(
     DARK,
     name="stage",
     upper_background=rgb("#0d0f14"),
@@ -30,8 +30,8 @@ STAGE = replace(
 )
 """Theme of the stage."""
 
-_CURTAIN, _BOARDS = rgb("#27505a"), rgb("#a8794c")
-_PIXEL = 3.0
+_CURTAIN_COLOUR, _BOARD_COLOUR = rgb("#27505a"), rgb("#a8794c")
+_PIXEL_SPACING = 3.0
 """Distance between the pixels for which the set is computed [px]."""
 _HEIGHT_MARGIN, _WIDTH_MARGIN = 1.25, 0.6
 """Terms of the curtain's distance from the motion: shares of the height and of the width of the
@@ -53,19 +53,19 @@ class StageSet:
         floor: height of the floor [m].
         height: height of the puppets above it [m].
         radius: distance of the curtain from the middle [m].
-        across: (2,) direction across the boards.
-        ray: (3,) direction of the light.
+        across_boards: (2,) direction across the boards.
+        light_direction: (3,) direction of the light.
     """
 
     middle: np.ndarray
     floor: float
     height: float
     radius: float
-    across: np.ndarray
-    ray: np.ndarray
+    across_boards: np.ndarray
+    light_direction: np.ndarray
 
     @classmethod
-    def of(cls, geometry: Geometry, camera: Camera) -> StageSet:
+    def around_motion(cls, geometry: Geometry, camera: Camera) -> StageSet:
         """Set around a whole motion, with boards that run towards a camera."""
         centres, radii = geometry.balls(strings=False)
         low, high = centres.min(axis=0), centres.max(axis=0)
@@ -84,8 +84,8 @@ class StageSet:
             camera, viewport: the view.
             frame: rectangle of the picture to fill.
         """
-        x = frame.x + np.linspace(0.0, frame.width, 2 + int(frame.width / _PIXEL))
-        y = frame.y + np.linspace(0.0, frame.height, 2 + int(frame.height / _PIXEL))
+        x = frame.x + np.linspace(0.0, frame.width, 2 + int(frame.width / _PIXEL_SPACING))
+        y = frame.y + np.linspace(0.0, frame.height, 2 + int(frame.height / _PIXEL_SPACING))
         rays = camera.rays(np.stack(np.meshgrid(x, y), axis=-1), viewport)
         with np.errstate(divide="ignore", invalid="ignore"):
             to_floor = (self.floor - camera.eye[2]) / rays[..., 2]
@@ -110,13 +110,13 @@ class StageSet:
         """Colours (..., 3) of points (..., 3) of the floor: boards in a pool of light."""
         offset = points[..., :2] - self.middle
         distance = np.linalg.norm(offset, axis=-1) / self.radius
-        board = np.floor(offset @ self.across / (_BOARD_WIDTH * self.height))
+        board = np.floor(offset @ self.across_boards / (_BOARD_WIDTH * self.height))
         shade = np.modf(np.sin(12.9898 * board) * 43758.5453)[0]
         light = 0.10 + 1.02 * np.exp(-((distance / 0.62) ** 2))
         light *= 1.0 - _BOARD_CONTRAST * shade
         # The floor is dark at the foot of the curtain, which hides the edge between the two.
-        light *= _smooth((1.0 - distance) / 0.22) * 0.9 + 0.1
-        return light[..., None] * _BOARDS
+        light *= _smooth_step((1.0 - distance) / 0.22) * 0.9 + 0.1
+        return light[..., None] * _BOARD_COLOUR
 
     def _curtain(self, points: np.ndarray) -> np.ndarray:
         """Colours (..., 3) of points (..., 3) of the curtain: folds, lit from in front."""
@@ -126,40 +126,44 @@ class StageSet:
         phase = count * angle + 1.3 * np.sin(np.round(0.29 * count) * angle)
         fold = 0.5 + 0.5 * np.cos(phase)
         up = (points[..., 2] - self.floor) / self.height
-        light = 0.08 + 0.92 * _smooth(up / 0.75) * np.exp(
+        light = 0.08 + 0.92 * _smooth_step(up / 0.75) * np.exp(
             -((np.maximum(up - 0.75, 0.0) / 1.1) ** 2)
         )
         light *= 1.0 - _FOLD_DEPTH * (1.0 - fold)
         # Folds catch the warm light of the stage on their ridges.
-        warm = mix(_CURTAIN, rgb("#8a7f6a"), 0.18 * fold[..., None] ** 3)
+        warm = mix_colours(_CURTAIN_COLOUR, rgb("#8a7f6a"), 0.18 * fold[..., None] ** 3)
         return light[..., None] * warm
 
 
-def inside(frame: Viewport, below: float = 0.0) -> Viewport:
+def puppet_viewport(frame: Viewport, captions_height: float = 0.0) -> Viewport:
     """Rectangle for the puppets in a frame, with room for their strings above.
 
     Args:
         frame: the whole picture.
-        below: height to leave free below, for captions [px].
+        captions_height: height to leave free below, for captions [px].
     """
-    side, low, high = 0.05 * frame.width, 0.07 * frame.height + below, 0.16 * frame.height
-    height = frame.height - low - high
-    return Viewport(frame.x + side, frame.y + low, frame.width - 2.0 * side, height)
+    side, bottom_margin, top_margin = (
+        0.05 * frame.width,
+        0.07 * frame.height + captions_height,
+        0.16 * frame.height,
+    )
+    height = frame.height - bottom_margin - top_margin
+    return Viewport(frame.x + side, frame.y + bottom_margin, frame.width - 2.0 * side, height)
 
 
-def darkness(frame: Viewport) -> np.ndarray:
+def vignette(frame: Viewport) -> np.ndarray:
     """(rows, columns, 4) black pixels, opaque at the top and in the corners of a frame."""
-    x = np.linspace(-1.0, 1.0, 2 + int(frame.width / _PIXEL))
-    y = np.linspace(-1.0, 1.0, 2 + int(frame.height / _PIXEL))[:, None]
-    corners = 0.55 * _smooth((np.hypot(x, y) - 0.75) / 0.75)
-    top = 0.92 * _smooth((y - 0.62) / 0.40)
+    x = np.linspace(-1.0, 1.0, 2 + int(frame.width / _PIXEL_SPACING))
+    y = np.linspace(-1.0, 1.0, 2 + int(frame.height / _PIXEL_SPACING))[:, None]
+    corners = 0.55 * _smooth_step((np.hypot(x, y) - 0.75) / 0.75)
+    top = 0.92 * _smooth_step((y - 0.62) / 0.40)
     pixels = np.zeros((len(y), len(x), 4))
-    pixels[..., :3] = STAGE.upper_background
+    pixels[..., :3] = STAGE_THEME.upper_background
     pixels[..., 3] = 1.0 - (1.0 - corners) * (1.0 - top)
     return pixels
 
 
-def _smooth(share: np.ndarray) -> np.ndarray:
+def _smooth_step(share: np.ndarray) -> np.ndarray:
     """Smooth step from 0 (below 0) to 1 (above 1)."""
     s = np.clip(share, 0.0, 1.0)
     return np.asarray(s * s * (3.0 - 2.0 * s))

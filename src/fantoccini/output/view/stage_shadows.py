@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from fantoccini.output.view.camera import Viewport
-from fantoccini.output.view.compose import MIN_DEPTH, Layout, pose_of
+from fantoccini.output.view.compose import MIN_DEPTH, Layout, solid_pose
 from fantoccini.output.view.geometry import Geometry
-from fantoccini.output.view.silhouettes import shadow
+from fantoccini.output.view.silhouettes import shadow_outline
 
-_PIXEL = 2.0
+_PIXEL_SPACING = 2.0
 """Distance between the pixels of shadows [px]."""
 _LEVELS = (0.0, 0.12, 0.35, 0.7)
 """Heights above the floor, relative to that of the motion, from which shadows are softer."""
@@ -31,22 +31,24 @@ def stage_shadows(geometry: Geometry, k: int, layout: Layout, frame: Viewport) -
 
     stage = layout.stage
     assert stage is not None
-    size = max(1, round(frame.width / _PIXEL)), max(1, round(frame.height / _PIXEL))
+    size = max(1, round(frame.width / _PIXEL_SPACING)), max(1, round(frame.height / _PIXEL_SPACING))
     outlines: dict[int, list[np.ndarray]] = {}
     for solid in geometry.solids:
-        pose = pose_of(solid, geometry.poses[k])
+        pose = solid_pose(solid, geometry.poses[k])
         height = float(pose[2, :3] @ solid.axis.mean(axis=0) + pose[2, 3] - stage.floor)
         if not np.isfinite(height) or height <= 0.0:
             continue
-        outline = shadow(solid, pose, stage.floor, stage.ray)
-        seen = layout.camera.project(outline, layout.viewport)
-        if np.all(seen[:, 2] > MIN_DEPTH):
+        outline = shadow_outline(solid, pose, stage.floor, stage.light_direction)
+        projected = layout.camera.project(outline, layout.viewport)
+        if np.all(projected[:, 2] > MIN_DEPTH):
             level = int(np.searchsorted(_LEVELS, height / stage.height, side="right")) - 1
-            outlines.setdefault(level, []).append((seen[:, :2] - [frame.x, frame.y]) / _PIXEL)
+            outlines.setdefault(level, []).append(
+                (projected[:, :2] - [frame.x, frame.y]) / _PIXEL_SPACING
+            )
     if not outlines:
         return _BLANK
     depth = float(layout.camera.to_camera(np.append(stage.middle, stage.floor))[2])
-    pixels_per_height = layout.camera.scale(max(depth, MIN_DEPTH), layout.viewport) / _PIXEL
+    pixels_per_height = layout.camera.scale(max(depth, MIN_DEPTH), layout.viewport) / _PIXEL_SPACING
     pixels_per_height *= stage.height
     light = np.ones(size[::-1])
     for level, polygons in outlines.items():
@@ -54,10 +56,10 @@ def stage_shadows(geometry: Geometry, k: int, layout: Layout, frame: Viewport) -
         draw = ImageDraw.Draw(picture)
         for polygon in polygons:
             draw.polygon([tuple(corner) for corner in polygon.tolist()], fill=255)
-        up = _LEVELS[level]
-        softness = (_SOFTNESS[0] + _SOFTNESS[1] * up) * pixels_per_height
+        level_height = _LEVELS[level]
+        softness = (_SOFTNESS[0] + _SOFTNESS[1] * level_height) * pixels_per_height
         mask = gaussian_filter(np.asarray(picture, dtype=np.float32) / 255.0, softness)
-        light *= 1.0 - _STRENGTH / (1.0 + _FADE * up) * mask
+        light *= 1.0 - _STRENGTH / (1.0 + _FADE * level_height) * mask
     pixels = np.zeros((*light.shape, 4))
     pixels[..., :3], pixels[..., 3] = layout.theme.shadow, 1.0 - light
     return pixels

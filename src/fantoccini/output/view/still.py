@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from fantoccini.dynamics.marionette import Marionette
 
 
-Drawable: TypeAlias = "Marionette | Still"
+Drawable: TypeAlias = "Marionette | UncompiledPuppet"
 """Puppet that can be drawn."""
 
 
@@ -30,7 +30,7 @@ def file_value(number: Number) -> float:
     return float(number.value) if isinstance(number, Parameter) else float(number)
 
 
-class Still:
+class UncompiledPuppet:
     """Puppet without a compiled model; ``number`` returns the values of its numbers."""
 
     def __init__(self, puppet: Puppet, tree: Tree, number: Callable[[Number], float] = file_value):
@@ -38,14 +38,14 @@ class Still:
         self.coordinates = tree.coordinates
 
     @property
-    def model(self) -> Still:
+    def model(self) -> UncompiledPuppet:
         """This object, which provides numbers and lengths as a compiled model does."""
         return self
 
     def start(self) -> State:
         """State at rest in the file's pose. Strings without a given length are just taut."""
-        table, strings = self.coordinates, self.tree.strings
-        q_D, q_K = table.start_D.copy(), table.start_K.copy()
+        coordinates, strings = self.coordinates, self.tree.strings
+        q_D, q_K = coordinates.start_D.copy(), coordinates.start_K.copy()
         q_D, q_K = placed(self.tree, q_D, q_K, self.number)
         spans = np.array(
             [
@@ -59,7 +59,7 @@ class Still:
         taut = np.zeros(self.tree.n_rows, dtype=bool)
         lengths = self.string_lengths(q_D, q_K)[0]
         taut[: len(strings)] = spans >= lengths * (1.0 - 1e-3)
-        return State(0.0, q_D, np.zeros(table.n_vD), q_K, np.zeros(table.n_vK), taut)
+        return State(0.0, q_D, np.zeros(coordinates.n_vD), q_K, np.zeros(coordinates.n_vK), taut)
 
     def poses(self, q_D: Array, q_K: Array) -> Array:
         """(T, n_links, 3, 4) link poses, for (T, n_qD) and (T, n_qK) or one of each."""

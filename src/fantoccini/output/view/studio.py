@@ -13,9 +13,9 @@ import numpy as np
 
 from fantoccini.base import MissingLibraryError
 from fantoccini.model.tree import WORLD
-from fantoccini.output.view.compose import Layout, lines
+from fantoccini.output.view.compose import Layout, string_lines
 from fantoccini.output.view.geometry import Geometry
-from fantoccini.output.view.meshes import TriangleMesh, triangles
+from fantoccini.output.view.meshes import TriangleMesh, triangulate
 from fantoccini.output.view.silhouettes import Solid
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ _OVERSAMPLING = 2
 """Number of rendered pixels along each side of a pixel of the picture."""
 
 
-def checked_renderer(renderer: str) -> str:
+def check_renderer(renderer: str) -> str:
     """Returns the renderer, if it is available.
 
     Raises:
@@ -71,7 +71,7 @@ class Studio:
         self._actors = [(solid, self._actor(solid)) for solid in solids]
         self.aim(layout, size)
 
-    def photograph(self, k: int) -> np.ndarray:
+    def render(self, k: int) -> np.ndarray:
         """(height, width, 4) pixels in [0, 1] of the geometry at ``t[k]``, rows from the top."""
         poses = self.geometry.poses[k]
         for solid, actor in self._actors:
@@ -97,10 +97,10 @@ class Studio:
         self._plotter.close()
 
     def _actor(self, solid: Solid) -> pyvista.Actor:
-        mesh = triangles(solid)
+        mesh = triangulate(solid)
         surface = self._surface(mesh)
         shading: dict[str, object] = {"color": solid.colour}
-        if (colours := solid.full.colours) is not None:
+        if (colours := solid.most_detailed.colours) is not None:
             surface.cell_data["colour"] = np.round(255.0 * colours).astype(np.uint8)
             shading = {"scalars": "colour", "rgb": True}
         return self._plotter.add_mesh(
@@ -124,7 +124,7 @@ class Studio:
         """Adds strings and springs as tubes, as wide in the picture as matplotlib's lines."""
         camera, viewport = self.layout.camera, self.layout.viewport
         tubes = self._pv.MultiBlock()
-        for line in lines(self.geometry, k, self.layout):
+        for line in string_lines(self.geometry, k, self.layout):
             depth = float(camera.to_camera(line.points)[:, 2].mean())
             radius = 0.5 * line.width / camera.scale(depth, viewport)
             tube = self._pv.lines_from_points(line.points).tube(radius=radius, n_sides=8)

@@ -16,11 +16,11 @@ if TYPE_CHECKING:
 
     from fantoccini.theatre.gestures import Caption
 
-_SIZE = 1.7
+_RELATIVE_FONT_SIZE = 1.7
 """Font size, relative to that of other text."""
 _LETTER_WIDTH = 0.56
 """Mean width of a letter, relative to the font size."""
-_LEADING = 1.45
+_LINE_HEIGHT = 1.45
 """Height of a line, relative to the font size."""
 _SHRINK_FACTOR = 0.9
 """Factor on the font size while captions take too much of the picture."""
@@ -39,19 +39,21 @@ def save_captions(
         start, end: times of the motion at which the film begins and ends [s]. Other captions are
             left out; times in the file count from the film's start.
     """
-    shown = sorted((c for c in captions if c.start < end and c.end > start), key=lambda c: c.start)
+    shown_captions = sorted(
+        (c for c in captions if c.start < end and c.end > start), key=lambda c: c.start
+    )
     entries = []
-    for k, caption in enumerate(shown, 1):
-        begin, until = max(caption.start, start) - start, min(caption.end, end) - start
-        words = one_line(str(caption), len(str(caption)))  # an empty line would end the entry
-        entries.append(f"{k}\n{_time(begin)} --> {_time(until)}\n{words}\n")
+    for k, caption in enumerate(shown_captions, 1):
+        begin_time, end_time = max(caption.start, start) - start, min(caption.end, end) - start
+        text = one_line(str(caption), len(str(caption)))  # an empty line would end the entry
+        entries.append(f"{k}\n{_srt_time(begin_time)} --> {_srt_time(end_time)}\n{text}\n")
     path = Path(path)
     with replacing(path) as temporary:
         temporary.write_text("\n".join(entries), encoding="utf-8", newline="\n")
     return path
 
 
-def _time(seconds: float) -> str:
+def _srt_time(seconds: float) -> str:
     """Time in a SubRip file: hours, minutes, seconds and milliseconds."""
     milliseconds = round(1e3 * seconds)
     minutes, milliseconds = divmod(milliseconds, 60_000)
@@ -73,11 +75,11 @@ class Subtitles:
     """
 
     def __init__(self, captions: Sequence[Caption], width: int, unit: float, max_height: float):
-        self._size, self._middle = _SIZE * unit, 0.5 * width
+        self._font_size, self._centre_x = _RELATIVE_FONT_SIZE * unit, 0.5 * width
         self._text: Text | None = None
         in_order = sorted(captions, key=lambda caption: caption.start)
         while True:
-            letters = max(8, int(0.92 * width / (_LETTER_WIDTH * self._size)))
+            letters = max(8, int(0.92 * width / (_LETTER_WIDTH * self._font_size)))
             self._captions = [
                 (
                     caption.start,
@@ -88,19 +90,19 @@ class Subtitles:
             ]
             # The number of lines is largest when a caption begins.
             lines = max((len(self._lines(start)) for start, *_ in self._captions), default=0)
-            self.height = lines * _LEADING * self._size
+            self.height = lines * _LINE_HEIGHT * self._font_size
             if self.height <= max_height:
                 break
-            self._size *= _SHRINK_FACTOR
+            self._font_size *= _SHRINK_FACTOR
 
-    def place(self, sheet: Sheet, low: float) -> None:
-        """Creates the text, with its lower edge at ``low`` [px]."""
+    def place(self, sheet: Sheet, bottom: float) -> None:
+        """Creates the text, with its lower edge at ``bottom`` [px]."""
         if self._captions:
-            self._text = sheet.write(
-                self._middle,
-                low,
+            self._text = sheet.add_text(
+                self._centre_x,
+                bottom,
                 "",
-                self._size,
+                self._font_size,
                 sheet.theme.text,
                 ha="center",
                 va="bottom",

@@ -11,7 +11,7 @@ import numpy as np
 
 from fantoccini.base import UnknownNameError
 
-WOOD = ("#c8553d", "#e0b07c", "#3f6c8f", "#d9a066", "#8f5a3c", "#6c8f5a")
+WOOD_COLOURS = ("#c8553d", "#e0b07c", "#3f6c8f", "#d9a066", "#8f5a3c", "#6c8f5a")
 """Default colours of shapes, by the depth of their link in the tree."""
 
 _DASHES = ((), (4.0, 2.0), (1.0, 1.5), (6.0, 2.0, 1.0, 2.0))
@@ -20,7 +20,7 @@ _DASHES = ((), (4.0, 2.0), (1.0, 1.5), (6.0, 2.0, 1.0, 2.0))
 RED = "#b3261e"
 """Colour of violations in plots of reports."""
 
-STONE = "#b4aea0"
+STONE_COLOUR = "#b4aea0"
 """Colour of obstacles."""
 
 
@@ -40,7 +40,7 @@ def to_hex(colour: np.ndarray) -> str:
     return "#{:02x}{:02x}{:02x}".format(*to_bytes(colour))
 
 
-def mix(a: np.ndarray, b: np.ndarray, share: float | np.ndarray) -> np.ndarray:
+def mix_colours(a: np.ndarray, b: np.ndarray, share: float | np.ndarray) -> np.ndarray:
     """Linear interpolation from a (share 0) to b (share 1)."""
     return a + (b - a) * share
 
