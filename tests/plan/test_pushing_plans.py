@@ -41,7 +41,7 @@ def test_an_arm_pushes_a_crate_further(crates, seed):
     displacement = moved(scene, run)
     assert np.linalg.norm(displacement[-1] - [0.1, 0.0, 0.0]) < 0.05
     assert np.max(np.abs(run.v_D[-1])) < 0.05
-    first = run.contact.of("hand", "crate").sample[0]
+    first = run.contact.involving("hand", "crate").sample[0]
     assert np.max(np.abs(displacement[:first])) < 1e-6, "nothing else moves it"
 
 
@@ -61,7 +61,7 @@ def test_a_ball_is_pushed_past_its_place():
     plan = fan.plan(scene, x0, goal, contact=MAY, tolerance=0.05, hold=0.0, seed=0, time_limit=60.0)
     run = plan.verify().run
     assert plan and np.linalg.norm(moved(scene, run)[-1] - [0.1, 0.0, 0.0]) < 0.05
-    assert len(run.contact.of("hand", "crate")) > 0
+    assert len(run.contact.involving("hand", "crate")) > 0
 
 
 def test_an_avoided_prop_stays_in_place(crates):

@@ -231,7 +231,7 @@ def test_a_seat_bears_a_player_and_lets_her_stand_up():
         save_every=10,
     )
     assert run.status is fan.Status.DONE
-    floor = run.contact.of("chair", "floor")
+    floor = run.contact.involving("chair", "floor")
     bears = np.zeros(len(run))
     np.add.at(bears, floor.sample, np.abs(floor.force[:, 2]))
     own = 0.9 * 9.81

@@ -351,7 +351,7 @@ def test_nan_is_in_no_argument(arm):
         lambda: fan.simulate(arm, x, t_end=0.1, method="timestepping", save_every=nan),
         lambda: fan.Input.hold(arm, nan),
         lambda: hold.bound([0.45, nan]),
-        lambda: hold.extended(nan),
+        lambda: hold.with_rest_until(nan),
         lambda: hold.with_forces({"elbow": [(0.0, nan)]}),
         lambda: fan.Input.segments(arm, [0.0, 1.0], [0.45, 0.8], [0.0, 0.0], [[nan, 0.0]]),
         lambda: fan.motion.Inputs.random(arm, 2, reach=nan),

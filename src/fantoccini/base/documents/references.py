@@ -11,19 +11,19 @@ from fantoccini.base.documents.yaml_text import Path
 
 
 def unknown_names(
-    names: Iterable[str], known: Collection[str], what: str, at: Path = ()
+    names: Iterable[str], known: Collection[str], template: str, parent_path: Path = ()
 ) -> Iterator[Finding]:
     """Findings of names that are not known, each with the nearest known one.
 
     Args:
         names: keys of a mapping in the file.
         known: allowed names.
-        what: the message, with braces for the name: ``no axis moves {}``.
-        at: path of the mapping.
+        template: the message, with braces for the name: ``no axis moves {}``.
+        parent_path: path of the mapping.
     """
     for k, name in enumerate(name for name in names if name not in known):
-        has_hint = k < LIMITS.max_hints and len(known) <= LIMITS.max_hint_names
+        gets_hint = k < LIMITS.max_hints and len(known) <= LIMITS.max_hint_names
         yield (
-            (*at, name),
-            what.format(shown(name)) + (nearest(name[:64], known) if has_hint else ""),
+            (*parent_path, name),
+            template.format(shown(name)) + (nearest(name[:64], known) if gets_hint else ""),
         )

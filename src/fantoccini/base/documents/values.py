@@ -201,21 +201,25 @@ def sized(*sizes: int) -> BeforeValidator:
         if isinstance(value, np.ndarray):
             value = value.tolist()
         if not isinstance(value, (list, tuple)) or len(value) not in sizes:
-            what = f"{len(value)} entries" if isinstance(value, (list, tuple)) else shown(value)
-            raise mistake(f"found {what}; needed: a list of {' or '.join(map(str, sizes))} numbers")
+            description = (
+                f"{len(value)} entries" if isinstance(value, (list, tuple)) else shown(value)
+            )
+            raise mistake(
+                f"found {description}; needed: a list of {' or '.join(map(str, sizes))} numbers"
+            )
         return value
 
     return BeforeValidator(check)
 
 
-def entries(least: int, most: int | None = None) -> BeforeValidator:
+def entries(n_min: int, n_max: int | None = None) -> BeforeValidator:
     """Check for a list with this many entries, before any entry is checked."""
 
     def check(value: Any) -> Any:
         if isinstance(value, (list, tuple)) and not (
-            least <= len(value) <= (len(value) if most is None else most)
+            n_min <= len(value) <= (len(value) if n_max is None else n_max)
         ):
-            needed = f"{least}" if most == least else f"at least {least}"
+            needed = f"{n_min}" if n_max == n_min else f"at least {n_min}"
             raise mistake(f"found a list of {len(value)}; needed: {needed}")
         return value
 
@@ -268,9 +272,11 @@ class Orientation(Model):
     """Roll, pitch, yaw: rotations about the fixed axes x, then y, then z."""
 
     @model_validator(mode="after")
-    def _one_way(self) -> Orientation:
-        ways = [self.quaternion, self.rpy, self.axis if self.angle is None else self.angle]
-        if sum(w is not None for w in ways) != 1 or (self.axis is None) != (self.angle is None):
+    def _exactly_one(self) -> Orientation:
+        alternatives = [self.quaternion, self.rpy, self.axis if self.angle is None else self.angle]
+        if sum(form is not None for form in alternatives) != 1 or (self.axis is None) != (
+            self.angle is None
+        ):
             raise mistake("needed: exactly one of quaternion, axis with angle, or rpy")
         return self
 

@@ -173,7 +173,7 @@ class Touches:
                 events.setdefault(frozenset(event_record.name.split("|")), event_record)
         if run.contact is None:
             return ()
-        end = run.contact.at(len(run) - 1)
+        end = run.contact.at_sample(len(run) - 1)
         for k in set(end.pair.tolist()):
             events.setdefault(frozenset(end.names[k]), None)
         meetings = []
@@ -232,7 +232,7 @@ def carried(marionette: Marionette, run: Trajectory) -> float:
     )
     if run.contact is None or not mass * gravity_norm:
         return 0.0
-    end, up = run.contact.at(len(run) - 1), -gravity / gravity_norm
+    end, up = run.contact.at_sample(len(run) - 1), -gravity / gravity_norm
     sides = np.array([[name in bodies for name in names] for names in end.names], dtype=int)
     sign = (sides[:, 0] - sides[:, 1])[end.pair] if len(end) else np.zeros(0)
     return float(np.sum(sign * (end.force @ up)) / (mass * gravity_norm))

@@ -67,7 +67,7 @@ def resting(marionette: CompiledPuppet, x: State, acc_K: Array, u_D: Array) -> R
     """
     sample, piece = _first_sample(marionette, x, acc_K, u_D)
     assert marionette.contacts is not None
-    touching_points = contact_points(piece.contacts, marionette.contacts.names).at(
+    touching_points = contact_points(piece.contacts, marionette.contacts.names).at_sample(
         len(piece.samples) - 1
     )
     screws = Screws(marionette, x, sample["acc_D"], acc_K)

@@ -124,7 +124,7 @@ class ContactPieces:
             return self._by_sample[i]
         run, contacts = self._run, self._marionette.contacts
         assert run.contact is not None and contacts is not None
-        pushing = run.contact.at(i)
+        pushing = run.contact.at_sample(i)
         screws = Screws(self._marionette, run.state(i)) if len(pushing) else None
         out: dict[tuple[int, int], _SampledPoint] = {}
         for k in range(len(pushing)):

@@ -232,7 +232,7 @@ class _Points:
         size = np.linalg.norm(contact.force, axis=1)
         idle = size <= TOLERANCES.bound_distance * _force(marionette)
         slides = (contacts.friction[contact.pair] == 0.0) | (
-            contact.sliding > TOLERANCES.max_rest_speed
+            contact.sliding_speed > TOLERANCES.max_rest_speed
         )
         along = contact.force / np.where(idle, 1.0, size)[:, None]
         along[idle] = contact.normal[idle]

@@ -188,7 +188,7 @@ class Gesture:
             StateError: it travels, and a driven body ends turned.
         """
         channels = with_rotations(table, pieces.through_waypoints(table, offsets))
-        breaks, coef, _, named = pieces.assembled(table, channels, (0.0,))
+        breaks, coef, _, named = pieces.on_common_breaks(table, channels, (0.0,))
         coef[:, ~named] = 0.0
         gesture = cls(table, breaks, coef, named, np.zeros(table.n_vK), name, dict(marks or {}))
         return replace(gesture, travel=end_shift(table, gesture.ends[0][1])) if travels else gesture

@@ -237,9 +237,9 @@ def _gesture_of_strings(
     table, mistakes = reading.table_of(puppet), Mistakes(file.located, file.kind.error)
     prefixed = {prefix + name: points for name, points in file.moves.items()}
     offsets: dict[str, Points] = moves.read(table, prefixed, mistakes, ("moves",))
-    mistakes.found = [
+    mistakes.findings = [
         (tuple(x.removeprefix(prefix) if isinstance(x, str) else x for x in spot), text)
-        for spot, text in mistakes.found
+        for spot, text in mistakes.findings
     ]
     if file.poses is not None and not mistakes:
         pose_offsets = _pose_offsets(puppet, file, file.poses, start, offsets, prefix)
@@ -326,7 +326,7 @@ def _gesture_of_parts(puppet: Table, file: GestureFile, prefix: str) -> Gesture:
         if channel in offsets and move.kind in file.sizes and is_length:
             t, values = offsets[channel]
             offsets[channel] = t, move.size / file.sizes[move.kind] * values
-    for (_, string, *rest), text in string_mistakes.found:
+    for (_, string, *rest), text in string_mistakes.findings:
         mistakes.add((key, parts[str(string)][0], *rest), text)
     mistakes.refuse()
     spots: dict[str, Keys] = {name: (key, part) for name, (part, _) in parts.items()}

@@ -160,8 +160,13 @@ class Hands:
         if not table.rotations or since >= self.end:
             return
         later = [line.held(self.end).after(since) for line in self.lanes]
-        clock = pieces.clock([breaks[breaks > since] for breaks, _ in later] + [np.array([since])])
-        coef = [piecewise.on(pieces.snap(breaks, clock), own, clock) for breaks, own in later]
+        clock = pieces.merged_times(
+            [breaks[breaks > since] for breaks, _ in later] + [np.array([since])]
+        )
+        coef = [
+            piecewise.on(pieces.snapped_to_breaks(breaks, clock), own, clock)
+            for breaks, own in later
+        ]
         check_turns(table, clock, np.sum(coef, axis=0))
 
     def motion(

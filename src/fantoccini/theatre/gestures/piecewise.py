@@ -31,8 +31,8 @@ def on(breaks: Times, coef: Array, clock: Times) -> Array:
 
 def added(a: tuple[Times, Array], b: tuple[Times, Array]) -> tuple[Times, Array]:
     """Sum of two motions on one clock."""
-    clock = pieces.refined(a[0], [b[0]])
-    return clock, on(*a, clock) + on(pieces.snap(b[0], clock), b[1], clock)
+    clock = pieces.refined_breaks(a[0], [b[0]])
+    return clock, on(*a, clock) + on(pieces.snapped_to_breaks(b[0], clock), b[1], clock)
 
 
 def faster(coef: Array, factor: float) -> Array:

@@ -325,7 +325,7 @@ def _inputs(score: Score, x0: State, t: Times, learnt: Array) -> Input:
     """Input of the score with the learnt offsets."""
     whole = _whole(score, t, learnt)
     inputs = whole.inputs(x0, speed=score.speed, acceleration=score.acceleration)
-    return inputs.called(score.name)
+    return inputs.with_name(score.name)
 
 
 def _run_of(score: Score, x0: State, t: Times, learnt: Array) -> tuple[Trajectory, Array]:

@@ -105,7 +105,7 @@ class ScoreGestures:
             for mistake in error.mistakes:
                 self._log.mistakes.add((*spot, "gesture"), str(mistake))
         self._wrong[name, of, parameters] = [
-            (path[len(spot) :], text) for path, text in self._log.mistakes.found[before:]
+            (path[len(spot) :], text) for path, text in self._log.mistakes.findings[before:]
         ]
         return self._files[name, of, parameters]
 

@@ -117,7 +117,7 @@ def with_rotations(table: CoordinateTable, channels: Mapping[str, Channel]) -> d
         own = [(i, whole.pop(part)) for i, part in enumerate(table.v_K[v : v + 3]) if part in whole]
         if not own:
             continue
-        clock = pieces.clock([part.times for _, part in own])
+        clock = pieces.merged_times([part.times for _, part in own])
         coef = np.zeros((len(clock) - 1, 3, polynomial.N_COEF))
         ends = np.zeros((2, 3, polynomial.N_COEF))
         for i, part in own:

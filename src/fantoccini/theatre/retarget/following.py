@@ -160,7 +160,7 @@ class Followed:
     def inputs(self) -> Input:
         """Motion of the hands from ``retargeted.start``."""
         inputs = driven(self.retargeted.marionette, self.run.state(0), self.acc_K)
-        return inputs.called(self.retargeted.clip.name)
+        return inputs.with_name(self.retargeted.clip.name)
 
     def guides(self, times: Times) -> list[Array]:
         """(len(times), n, 3) lines through the parts of the clip, at times of the run [m].
