@@ -104,7 +104,7 @@ def listed(found: fan.dynamics.clearance.Approaches) -> list[Approach]:
 @pytest.mark.parametrize("seed", [0, 1])
 def test_the_nearest_of_every_pair_is_found(seed, slack):
     q_D, q_K, t = wandering(seed, slack)
-    approaches = listed(StringsApart(scene()).motion(q_D, q_K, t).nearest(within=10.0))
+    approaches = listed(StringsApart(scene()).motion(q_D, q_K, t).nearest(max_distance=10.0))
     assert {(a.what, a.other) for a in approaches} == set(expected(seed, slack))
     for approach in approaches:
         distances = expected(seed, slack)[approach.what, approach.other]
@@ -139,7 +139,7 @@ def test_distances_within_a_puppet_can_be_left_out(seed):
         return name.partition(".")[0]
 
     for all_pairs, remaining in (
-        (full.nearest(within=10.0), without_own.nearest(within=10.0)),
+        (full.nearest(max_distance=10.0), without_own.nearest(max_distance=10.0)),
         (full.nearer_than(0.1), without_own.nearer_than(0.1)),
     ):
         expected = [a for a in listed(all_pairs) if puppet(a.what) != puppet(a.other)]
@@ -162,7 +162,7 @@ def test_without_pairs_of_one_puppet_its_crossings_are_still_found():
     high = low * [1.0, -1.0, 1.0] + [0.0, 0.0, 1.0]
     q_D, q_K = carried(puppet, low, high)
     motion = StringsApart(puppet, own=False).motion(q_D, q_K, t)
-    assert not listed(motion.nearest(within=10.0)) and not listed(motion.nearer_than(0.5))
+    assert not listed(motion.nearest(max_distance=10.0)) and not listed(motion.nearer_than(0.5))
     (crossing,) = motion.crossings()
     assert {crossing.what, crossing.other} == {"s0", "s1"}
     assert 0.4 < crossing.t < 0.6
@@ -170,7 +170,7 @@ def test_without_pairs_of_one_puppet_its_crossings_are_still_found():
 
 def test_kinds_names_and_order():
     q_D, q_K, t = wandering(0, -0.1)
-    approaches = StringsApart(scene()).motion(q_D, q_K, t).nearest(within=10.0)
+    approaches = StringsApart(scene()).motion(q_D, q_K, t).nearest(max_distance=10.0)
     assert len(approaches.strings) == 6
     assert {(a.what, a.other) for a in approaches.own} == {
         ("p.s0", "p.ball1"),
@@ -190,7 +190,7 @@ def test_thickness_counts_for_each_string():
         thin, thick = (
             StringsApart(scene(), radius=radius)
             .motion(q_D[[k]], q_K[[k]], t[[k]])
-            .nearest(within=10.0)
+            .nearest(max_distance=10.0)
             for radius in (0.0, 0.004)
         )
         for kind, sides in (("strings", 2), ("bodies", 1), ("own", 1)):

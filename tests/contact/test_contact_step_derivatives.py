@@ -248,7 +248,7 @@ def test_balls_that_strike_one_another(balls):
     check_step(balls, on_floor, ["stick", "stick"])
     in_air = thrown(balls, above | {"a.z": 1.1, "b.z": 1.1 + 0.17 * 0.8}, speed)
     lin = check_step(balls, in_air, ["stick"])
-    assert lin.contacts[0].bounces == 0.5
+    assert lin.contacts[0].restitution == 0.5
 
 
 def test_separating_overlaps(balls):
@@ -321,7 +321,10 @@ def test_a_decelerated_landing_closes_its_gap():
     x = thrown(ball, {"body.z": 0.0705}, {"body.x": 0.5, "body.z": -1.0, "body.wy": 2.0})
     lin = check_step(ball, x, ["stick"])
     assert lin.contacts[0].touch.gap == pytest.approx(0.0005)
-    assert lin.contacts[0].closes == pytest.approx(1.0 / DT) and lin.contacts[0].bounces == 0.0
+    assert (
+        lin.contacts[0].closing_rate == pytest.approx(1.0 / DT)
+        and lin.contacts[0].restitution == 0.0
+    )
 
 
 def test_a_gap_that_closes_within_the_step(ball):

@@ -88,7 +88,7 @@ def somewhere(puppet: fan.Marionette, seed: int) -> tuple[fan.State, np.ndarray,
 def accelerations(puppet: fan.Marionette, rows, x, acc_K, u_D) -> np.ndarray:
     """acc_D and the tensions with rows held as equalities, from the compiled model."""
     held = named_rows(puppet, rows)
-    instant = Evaluation.of(puppet, x, acc_K, u_D)
+    instant = Evaluation.at_state(puppet, x, acc_K, u_D)
     W = instant.W[:, held]
     tension = np.linalg.solve(W.T @ W, W.T @ instant.w0 + instant.gamma[held])
     return np.concatenate([instant.solve_factor(instant.w0 - W @ tension), tension])

@@ -116,7 +116,7 @@ def test_inputs_without_jumps_are_unchanged(arm, x0):
     assert lift.checked() is lift and lift.at_rest() is lift
     bound = lift.bound(x0.q_K, 0.0, x0.v_K)
     assert np.array_equal(bound.coef[:, 1], lift.coef[:, 1])
-    many = Inputs.of([lift, lift])
+    many = Inputs.stack([lift, lift])
     assert many.at_rest() is many
 
 

@@ -90,7 +90,7 @@ def test_a_file_of_another_machine_keeps_its_samples(gentle, rough, tmp_path):
         with np.load(path) as file:
             arrays = dict(file)
         layout = recording.marionette.sample_layout
-        place = layout.places["v_D"]
+        place = layout.columns["v_D"]
         arrays["checks"][1:, place] *= 1.0 + 1e-9
         np.savez(other, **arrays)
         there, here = fan.theatre.Recording.load(other).trajectory, recording.trajectory

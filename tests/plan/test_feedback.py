@@ -85,8 +85,8 @@ def test_projected_changes_keep_taut_strings_taut(plan, law):
     rng, size = np.random.default_rng(1), 1e-4
     for k in range(0, len(onto), 5):
         z = onto[k] @ rng.normal(size=onto.shape[1]) * size
-        before = Evaluation.of(marionette, at(plan, nodes[k]))
-        after = Evaluation.of(marionette, at(plan, changed(plan, nodes[k], z)))
+        before = Evaluation.at_state(marionette, at(plan, nodes[k]))
+        after = Evaluation.at_state(marionette, at(plan, changed(plan, nodes[k], z)))
         squared = float(z @ z)
         assert abs(after.h[0] - before.h[0]) < 5.0 * squared
         assert abs(after.hdot[0] - before.hdot[0]) < 50.0 * squared
@@ -272,7 +272,7 @@ def test_plans_begin_at_time_stepped_states(plan):
     x = next(
         run.state(i)
         for i in range(1, len(run))
-        if abs(Evaluation.of(arm, run.state(i)).h[0]) > 1e-9
+        if abs(Evaluation.at_state(arm, run.state(i)).h[0]) > 1e-9
     )
     again = Problem(
         arm,

@@ -210,7 +210,7 @@ def one_of(given: Crowd, i: int) -> Crowd:
     inputs = given.inputs
     if inputs is not None:
         bound = inputs.bound(np.array([x.q_K for x in given.starts]))
-        inputs = fan.motion.Inputs.of([bound[i]])
+        inputs = fan.motion.Inputs.stack([bound[i]])
     return Crowd(given.marionette, [given.starts[i]], inputs, given.t_end, given.method)
 
 

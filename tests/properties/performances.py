@@ -127,7 +127,7 @@ def with_velocity(puppet: fan.Marionette, x: fan.State, v_K: np.ndarray) -> fan.
         return x
     for driven in (v_K, np.zeros_like(v_K)):
         at = x.replace(v_K=driven)
-        instant = Evaluation.of(puppet, at)
+        instant = Evaluation.at_state(puppet, at)
         scale = puppet.row_scales(at.q_D, at.q_K)
         rows = np.flatnonzero((instant.h >= -1e-9 * scale) | puppet.two_sided)
         solution = instant.complementarity(rows, instant.hdot[rows], puppet.two_sided)

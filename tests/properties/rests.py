@@ -165,7 +165,7 @@ def case(puppet: int, number: int) -> Case:
     drawn = _moved(marionette, x, rng.normal(size=len(x.v_D)) * rng.choice([0.0, 0.1, 0.4]))
     drawn = _within(marionette, drawn)
     lengths = marionette.string_lengths(drawn.q_D, drawn.q_K)
-    spans = lengths + Evaluation.of(marionette, drawn).h[: len(lengths)]
+    spans = lengths + Evaluation.at_state(marionette, drawn).h[: len(lengths)]
     slack = np.where(rng.random(len(spans)) < 0.5, rng.uniform(0.0, 0.05, len(spans)), 0.0)
     values = {
         f"{s.name}.length": float(a + b)
@@ -197,7 +197,7 @@ def _within(marionette: fan.Marionette, x: fan.State) -> fan.State:
     move, n = tangent.between(*places, start.q_D, x.q_D, table.n_vD), len(marionette.tree.strings)
     for part in 0.8 ** np.arange(60):
         here = _moved(marionette, start, part * move)
-        if np.all(Evaluation.of(marionette, here).h[n:] <= 0.0):
+        if np.all(Evaluation.at_state(marionette, here).h[n:] <= 0.0):
             return here
     return start
 
@@ -209,7 +209,7 @@ def _limited(marionette: fan.Marionette, x: fan.State, rng, beyond: float) -> fa
         link, which = tree.links[limit.link], name.rsplit(".", 1)[1]
         if link.v.stop - link.v.start > 1 or rng.random() < 0.5:
             continue
-        h = Evaluation.of(marionette, x.replace(q_D=q_D)).h[tree.row_names.index(name)]
+        h = Evaluation.at_state(marionette, x.replace(q_D=q_D)).h[tree.row_names.index(name)]
         q_D[link.q] += (1.0 if which == "upper" else -1.0) * (beyond * rng.random() - h)
     return x.replace(q_D=q_D)
 
@@ -237,7 +237,7 @@ def broken(tested: Case) -> str:
     except fan.errors.StateError as error:
         return f"not found: {error}"
     acc, tension = marionette.forward_dynamics(x)
-    weight, h = marionette.weight, Evaluation.of(marionette, x).h
+    weight, h = marionette.weight, Evaluation.at_state(marionette, x).h
     if np.max(h, initial=-1.0) > 1e-9:
         return "a row is broken"
     if np.min(tension, initial=0.0) < 0.0:

@@ -90,7 +90,7 @@ class Inputs:
         )
 
     @classmethod
-    def of(cls, inputs: Sequence[Input]) -> Inputs:
+    def stack(cls, inputs: Sequence[Input]) -> Inputs:
         """Several inputs of one puppet. Shorter ones are held at their ends.
 
         Args:
@@ -203,7 +203,7 @@ class Inputs:
         ends = self.breaks[:, 0], self.breaks[:, -1]
         if not any(np.any(self.evaluate(t)[1]) for t in ends):
             return self
-        return Inputs.of([self[i].at_rest() for i in range(len(self))])
+        return Inputs.stack([self[i].at_rest() for i in range(len(self))])
 
     def evaluate(self, t: float | Array) -> tuple[Array, Array, Array]:
         """q_K (n, n_qK), v_K (n, n_vK) and acc_K (n, n_vK) at a time [s], or at n times (n,)."""

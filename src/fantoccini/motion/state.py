@@ -196,7 +196,7 @@ class States(ShortRepr):
     slip: Array
 
     @classmethod
-    def of(
+    def stack(
         cls, states: Sequence[State], table: CoordinateTable, n_strings: int, n_rows: int
     ) -> States:
         """Several states of one puppet; those without an active set or slip get zeros.

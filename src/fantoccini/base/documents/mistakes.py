@@ -17,7 +17,7 @@ class Mistakes:
 
     Attributes:
         located: the document, with the line of every path.
-        found: key path and message of each mistake.
+        findings: key path and message of each mistake.
 
     Args:
         located: the document.

@@ -75,7 +75,7 @@ class ClampedSteps:
         x = (nodes.q_D[:-1], nodes.v_D[:-1], nodes.q_K[:-1], nodes.v_K[:-1])
         driven = np.eye(2 * k, 3 * k)[None]
         for j in range(m):
-            inputs = StepInputs.of(self._marionette, x, nodes.acc_K, dt=dt)
+            inputs = StepInputs.from_arrays(self._marionette, x, nodes.acc_K, dt=dt)
             options = StepOptions(pull=pulls and j == 0, threads=self._threads)
             step = linearise_steps(self._marionette, inputs, options, self._memory)
             self._memory = step.motion

@@ -231,7 +231,7 @@ class Feedback(ShortRepr):
     def active_set(self, x: State) -> MaskRows:
         """(n_strings,) bool: strings marked taut in the state, or at their length and at rest."""
         marionette, strings = self.plan.problem.marionette, self.active.shape[1]
-        closed = ActiveSet.of(marionette, x, Evaluation.of(marionette, x))
+        closed = ActiveSet.at_state(marionette, x, Evaluation.at_state(marionette, x))
         return (closed.held | closed.slipping)[:strings]
 
     def _velocities_within(self, x: State, T: float) -> tuple[Array, Array]:

@@ -254,7 +254,7 @@ def differentiate(
                 None if driven.u_D is None else driven.u_D[steps_of_block].reshape(block * S, -1)
             )
             motion = q_D, v_D, q_K, v_K
-            inputs = StepInputs.of(marionette, motion, acc_K, force, p, driven.dt)
+            inputs = StepInputs.from_arrays(marionette, motion, acc_K, force, p, driven.dt)
             options = StepOptions(pull=pull, threads=threads)
             lin = linearise_steps(marionette, inputs, options, work)
             work = lin.motion

@@ -241,7 +241,7 @@ class Recording:
             samples, _, contacts = part.output
             # Work and losses continue from those of the sample.
             for name in _ACCUMULATED:
-                samples[:, layout.places[name]] += checks.samples[k, layout.places[name]]
+                samples[:, layout.columns[name]] += checks.samples[k, layout.columns[name]]
             if part.status is Status.DONE:
                 samples[-1] = checks.samples[k + 1]
             if k:  # begins with the last sample of the part before

@@ -48,7 +48,7 @@ def clearances(cast: Cast, run: Trajectory) -> tuple[OwnerClearance, ...]:
         cast: cast of the play.
         run: run of the stage, measured at every fourth sample, and in between as needed.
     """
-    path = Path.of(cast.whole, run, SAMPLE_STRIDE)
+    path = Path.from_run(cast.whole, run, SAMPLE_STRIDE)
     bodies = _nearest(_body_clearances(cast, path))
     strings = _nearest(_string_clearances(cast, path))
     return (*bodies, *strings)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fantoccini.base import nearest
-from fantoccini.dynamics.compiled import relations
+from fantoccini.dynamics.compiled import moving_and_carrying
 from fantoccini.theatre.cast import Cast, Places, when_of_shot
 from fantoccini.theatre.plays.placing import Placement
 from fantoccini.theatre.script import PlayCue, PlayFile, ScriptLog, Timeline
@@ -88,7 +88,7 @@ def shots_of(
 def _bodies(cast: Cast, names: tuple[str, ...]) -> tuple[str, ...]:
     """Bodies in the scene of players and props, without controls and other driven bodies."""
     tree, n_D = cast.whole.tree, cast.whole.coordinates.n_vD
-    moves_freely = np.any(relations(tree)[0][:, :n_D], axis=1)
+    moves_freely = np.any(moving_and_carrying(tree)[0][:, :n_D], axis=1)
     return tuple(
         link.name
         for link, is_free in zip(tree.links, moves_freely, strict=True)

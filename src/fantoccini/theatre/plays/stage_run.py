@@ -62,7 +62,7 @@ def together(cast: Cast, runs: Runs, sample: float = SAMPLE) -> Trajectory:
         status,
         first.method,
         cast.whole.coordinates,
-        cast.whole.described,
+        cast.whole.current_puppet,
         violation=columns["violation"],
         slip=columns["slip"],
         contact=_joined(whole.points),

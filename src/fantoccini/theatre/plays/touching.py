@@ -62,7 +62,7 @@ def touches(
         meetings: players and props that may touch, with times.
         every: stride of the measured samples.
     """
-    path = Path.of(cast.whole, run, every)
+    path = Path.from_run(cast.whole, run, every)
     t, q_D, q_K = path.t, path.q_D, path.q_K
     # Props do not move by themselves: they may touch their supports at all times.
     stand = {
