@@ -68,7 +68,7 @@ def search(
     start = np.tile(start, len(pairs))
     for size, next_size in zip(_SIZES, (*_SIZES[1:], 0), strict=True):
         middle = np.minimum(start + size // 2, last)
-        maxima = _block_maxima(cores.stray, size)
+        maxima = _block_maxima(cores.sag, size)
         block = start // size
         sag_bound = maxima[pairs.i[pair], block] + maxima[pairs.j[pair], block]
         travel = _max_travel(cores, pairs, pair, middle, start, size)

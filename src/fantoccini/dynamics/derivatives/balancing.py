@@ -17,7 +17,7 @@ import numpy as np
 from fantoccini.base import Array, StateError
 from fantoccini.dynamics.compiled import CompiledPuppet, Evaluation, Screws, retract
 from fantoccini.dynamics.derivatives.contact_rows import ContactRows
-from fantoccini.dynamics.derivatives.contact_state import FrozenModes, Resting, motion_at
+from fantoccini.dynamics.derivatives.contact_state import FrozenModes, RestMotion, motion_at
 from fantoccini.dynamics.derivatives.mode_system import ModeSystem
 from fantoccini.dynamics.derivatives.small_motions import free_directions, held_rows
 from fantoccini.motion import State
@@ -65,7 +65,7 @@ def balanced_state(marionette: CompiledPuppet, x: State) -> State:
     return best_state
 
 
-def _newton_move(marionette: CompiledPuppet, x: State, motion: Resting) -> Array:
+def _newton_move(marionette: CompiledPuppet, x: State, motion: RestMotion) -> Array:
     """Move (n_vD,) after which the accelerations are 0 to first order."""
     held, points = held_rows(marionette, motion.tension), motion.contacts.points
     still_D, still_K = np.zeros_like(x.v_D), np.zeros_like(x.v_K)

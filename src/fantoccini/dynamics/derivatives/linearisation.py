@@ -23,7 +23,7 @@ import numpy as np
 from fantoccini.base import Array, Indices, ShortRepr, UnknownNameError
 from fantoccini.dynamics.compiled import CompiledPuppet, Evaluation, forward_dynamics, vector
 from fantoccini.dynamics.derivatives.contact_rows import HeldPoint, PointMode
-from fantoccini.dynamics.derivatives.contact_state import FrozenModes, resting, touches
+from fantoccini.dynamics.derivatives.contact_state import FrozenModes, motion_with_contact, touches
 from fantoccini.model.tree import CoordinateTable
 from fantoccini.motion import State
 
@@ -162,7 +162,7 @@ def linearise(
     tension = np.zeros(marionette.tree.n_rows)
     in_contact = contacts is None and touches(marionette, x)
     if in_contact or (point_modes and rows is None):
-        motion = resting(marionette, x, acc_K, u_D)
+        motion = motion_with_contact(marionette, x, acc_K, u_D)
         acc_D, tension = motion.acc_D, motion.tension
         if contacts is None:
             point_modes, edges = motion.contacts.points, motion.contacts.edges

@@ -20,7 +20,7 @@ import numpy as np
 from fantoccini.base import Array, Indices
 from fantoccini.dynamics.compiled import CompiledPuppet, Evaluation, Screws
 from fantoccini.dynamics.derivatives.contact_rows import ContactRows
-from fantoccini.dynamics.derivatives.contact_state import Resting
+from fantoccini.dynamics.derivatives.contact_state import RestMotion
 from fantoccini.dynamics.derivatives.kkt import DEPENDENT_ROWS
 from fantoccini.dynamics.derivatives.linearisation import derivatives_at
 from fantoccini.dynamics.derivatives.mode_system import ModeSystem
@@ -50,7 +50,7 @@ class SmallMotions:
     forcing: tuple[Array, Array, Array]
 
     @classmethod
-    def about_rest(cls, marionette: CompiledPuppet, x: State, motion: Resting) -> SmallMotions:
+    def about_rest(cls, marionette: CompiledPuppet, x: State, motion: RestMotion) -> SmallMotions:
         """The small motions about a state of rest.
 
         Args:

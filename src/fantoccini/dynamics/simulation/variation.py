@@ -26,8 +26,8 @@ from fantoccini.dynamics.derivatives import (
     ModeSystem,
     PointMode,
     linearise,
+    rotation_rate_blocks,
     row_derivatives_at,
-    turning,
 )
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.dynamics.simulation.contact_pieces import state_and_input_changes
@@ -187,7 +187,7 @@ class Variation:
             state = x.replace(t=t, q_D=q_D, v_D=v_D, q_K=q_K, v_K=v_K)
             lin = linearise(self.marionette, state, acc_K, u_D, names, points)
             input_change, acc = piece.variation(t), lin.acc
-            Z_q = turning(self._table.quaternions_D, v_D) @ Z[:n] + Z[n:]
+            Z_q = rotation_rate_blocks(self._table.quaternions_D, v_D) @ Z[:n] + Z[n:]
             Z_v = (
                 acc.q_D @ Z[:n]
                 + acc.v_D @ Z[n:]
