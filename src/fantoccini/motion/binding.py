@@ -56,7 +56,7 @@ def bound(
     v_of_q = np.zeros(table.n_qK, dtype=np.intp)  # the velocity of each number of a configuration
     for q, v in pieces.channel_names(table).values():
         v_of_q[q] = v.start
-    named_q, (q_scalars, v_scalars) = named[:, v_of_q], table.places_K
+    named_q, (q_scalars, v_scalars) = named[:, v_of_q], table.scalar_indices_K
     coef = np.where(named[:, None, :, None], coef, 0.0)
     base = np.where(named_q[:, None], base, q_K[:, None])
     coef[:, :, v_scalars, 0] = np.where(
@@ -167,7 +167,7 @@ def _move_start(
     s, h = t - breaks[lanes, i], breaks[lanes, i + 1] - breaks[lanes, i]
     moved_coef = joints.with_start(table, coef[lanes, i], s, h, move[lanes], v[lanes])
     coef[lanes, i] = moved_coef
-    q_scalars, v_scalars = table.places_K
+    q_scalars, v_scalars = table.scalar_indices_K
     base[lanes[:, None], i[:, None], q_scalars] = moved_coef[:, v_scalars, 0]
 
 

@@ -113,7 +113,7 @@ def constant_acceleration(
     n, h = len(t) - 1, np.diff(t)[:, None]
     coef, base = np.zeros((n, table.n_vK, polynomial.N_COEF)), np.zeros((n, table.n_qK))
     base[:], coef[..., 1], coef[..., 2] = q_K, v_K, 0.5 * acc_K
-    q_scalars, v_scalars = table.places_K
+    q_scalars, v_scalars = table.scalar_indices_K
     if n > 1 and np.ndim(q_K) == 1 and np.ndim(v_K) == 1:
         speed_gains = np.cumsum((acc_K * h)[:-1], axis=0)
         coef[1:, v_scalars, 1] = (v_K + speed_gains)[:, v_scalars]

@@ -131,7 +131,7 @@ def _drives_giving_way(marionette: CompiledPuppet, start: State, q_D: Array) -> 
     """Drives that a puppet without an equilibrium pushes away, in words."""
     texts = []
     for row in marionette.tree.drives:
-        if row.turns:
+        if row.is_rotation:
             distance = float(np.linalg.norm(rotation.between(start.q_D[row.q], q_D[row.q])))
         else:
             distance = float(np.abs(q_D[row.q] - start.q_D[row.q])[0])

@@ -44,7 +44,7 @@ def weak_motors_message(marionette: Marionette, run: Trajectory) -> str:
                 f"its motor has {max_torque:.3g} {force}, too little when strings come taut or "
                 "loads accelerate"
             )
-            if not row.steps:
+            if not row.has_stepper:
                 cause += ", or its controller requests too little"
         texts.append(f"{name} {failure} from t = {overload.since:.6g} s on{error_text}: {cause}")
     if len(rows) > MAX_NAMED:

@@ -263,7 +263,7 @@ def _tables(equations: Equations) -> list[str]:
         *_lists("string", [_string_velocities(tree, s) for s in tree.strings]),
         _array("bool", "turns", turns),
         _array("int", "motor_v", tree.driven_v_D),
-        _array("bool", "watched_steps", [int(row.steps) for row in tree.watched]),
+        _array("bool", "watched_steps", [int(row.has_stepper) for row in tree.watched]),
         _array("bool", "watched_turns", [turns[row.v.start] for row in tree.watched]),
         _array("int", "limit_v", [first for first, _ in places]),
         _array("int", "limit_n", [n for _, n in places]),

@@ -95,7 +95,7 @@ def motor_lags(system: System) -> dict[str, np.ndarray]:
     s, entries = system.symbols, []
     for row in system.tree.watched:
         q, actual, lag = _command_indices(row)[0], elements(s.q_D)[row.q], ca.SX(0)
-        if row.turns:
+        if row.is_rotation:
             target = elements(s.q_K)[q : q + 4]
             vector = _vector_part(actual, target)
             sine = ca.sqrt(dot(vector, vector) + REGULAR.square)
@@ -192,7 +192,7 @@ class _Controllers:
         n = row.v.stop - row.v.start
         mean, acceleration = self.v_K[v : v + n], self.acc_K[v : v + n]
         final_rate = mean + scaled(0.5 * self.dt, acceleration)
-        if not row.turns:
+        if not row.is_rotation:
             error = self.q_K[q : q + 1] - actual + scaled(self.dt, mean - w)
             return error, final_rate - w, acceleration
         target = self.q_K[q : q + 4]
@@ -278,7 +278,7 @@ def _limit_force(
     n = row.ratio(value)
     if isinstance(motor, Servo):
         limit = n * value(motor.torque)
-        if row.turns:
+        if row.is_rotation:
             size = ca.sqrt(dot(force, force) + REGULAR.square)
             share = limit / ca.fmax(size, limit)
             return scaled(share, force), share, zero

@@ -190,7 +190,7 @@ class Record(ShortRepr):
         tree, number = self.marionette.tree, self.marionette.number
         size = measure(tree, number)
         paths = path_lengths(tree, size.poses, number).values()
-        reach = float(np.max(np.abs([size.low, size.high]))) + max(paths, default=0.0)
+        reach = float(np.max(np.abs([size.lower, size.upper]))) + max(paths, default=0.0)
         ends = self.inputs.evaluate(np.array([self.inputs.start, self.inputs.end]))[0]
         reach += float(np.max(np.abs(np.nan_to_num(ends)), initial=0.0))
         typical = float(np.nanmedian(places[np.any(np.isfinite(places), axis=1)]))

@@ -66,9 +66,9 @@ class DirectCurrent(Model):
 
 
 def _count(value: Any) -> int:
-    largest = LIMITS.max_motor_steps
-    if not isinstance(value, int) or isinstance(value, bool) or not 1 <= value <= largest:
-        raise mistake(f"found {shown(value)}; needed: a whole number from 1 to {largest}")
+    max_count = LIMITS.max_motor_steps
+    if not isinstance(value, int) or isinstance(value, bool) or not 1 <= value <= max_count:
+        raise mistake(f"found {shown(value)}; needed: a whole number from 1 to {max_count}")
     return value
 
 
@@ -179,10 +179,10 @@ class Drive(Model):
     def _check_parts(self) -> Drive:
         if self.mass is None and self.inertia is None:
             raise mistake("needed: mass, inertia or both; otherwise leave the drive out")
-        steps = isinstance(self.motor, StepperMotor)
-        if steps and self.control is not None:
+        is_stepper = isinstance(self.motor, StepperMotor)
+        if is_stepper and self.control is not None:
             raise mistake("found control and a stepper; a stepper follows its command by itself")
-        if self.motor is not None and not steps and self.control is None:
+        if self.motor is not None and not is_stepper and self.control is None:
             raise mistake("found a motor without control; needed: control, to follow a command")
         return self
 
@@ -200,14 +200,14 @@ def drive_misfits(drive: Drive, name: str, unit: str) -> Iterator[tuple[tuple[st
         name: name of the coordinate.
         unit: unit of the coordinate: ``m``, ``rad``, or ``rotation`` for an orientation.
     """
-    rotor, drum = drive.inertia is not None, drive.drum is not None
+    has_rotor, has_drum = drive.inertia is not None, drive.drum is not None
     if unit != "m":
         for key in ("mass", "drum"):
             if getattr(drive, key) is not None:
                 yield (key,), f"{name} turns; allowed: inertia and gear, but not {key}"
-    elif rotor and not drum:
+    elif has_rotor and not has_drum:
         yield ("inertia",), f"{name} is a length; needed: the drum that the rotor turns"
-    elif drum and not rotor:
+    elif has_drum and not has_rotor:
         yield ("drum",), "found a drum without a rotor; needed: its inertia"
     if unit == "rotation" and drive.motor is not None and drive.motor.type in ("dc", "stepper"):
         yield ("motor", "type"), f"{name} turns about three axes; needed: a servo, or no motor"

@@ -108,7 +108,7 @@ class Attachment(Model):
     """Name of the body in whose frame a driven end moves."""
 
     @model_validator(mode="after")
-    def _one_place(self) -> Attachment:
+    def _exactly_one_carrier(self) -> Attachment:
         keys = [k for k in ("body", "world", "driven") if getattr(self, k) is not None]
         if len(keys) != 1:
             text = " and ".join(keys) or "neither"
@@ -163,18 +163,18 @@ class String(Model):
 
     @model_validator(mode="after")
     def _check_options(self) -> String:
-        bounces = value_of(self.restitution) > 0
-        if self.wire and (bounces or self.max_tension is not None):
-            key = "restitution" if bounces else "max_tension"
+        has_restitution = value_of(self.restitution) > 0
+        if self.wire and (has_restitution or self.max_tension is not None):
+            key = "restitution" if has_restitution else "max_tension"
             raise mistake(f"found wire: true and {key}; a wire neither bounces nor slips")
         if self.rewind_speed is not None and self.max_tension is None:
             raise mistake("found rewind_speed without max_tension; only a winch that slips rewinds")
-        if bounces and self.max_tension is not None:
+        if has_restitution and self.max_tension is not None:
             raise mistake(
                 "found restitution and max_tension; a string on a slipping winch does not bounce"
             )
         if self.chain is not None:
-            check_chain(self.wire, bounces, self.max_tension is not None, len(self.path))
+            check_chain(self.wire, has_restitution, self.max_tension is not None, len(self.path))
         return self
 
 

@@ -56,7 +56,7 @@ class Rig(Model):
     """Name of the driven body from which the strings hang."""
 
     @model_validator(mode="after")
-    def _whole_or_none(self) -> Rig:
+    def _all_or_none(self) -> Rig:
         missing = [key for key in ("trunk", "facing") if getattr(self, key) is None]
         if self.limbs is not None and missing:
             text = (

@@ -164,9 +164,9 @@ class Mesh(Shape):
             size = real_path.stat().st_size
         except OSError as reason:
             raise mistake(f"found {shown(file)}, which cannot be read: {reason}") from None
-        largest = meshes.LIMITS.max_bytes
-        if size > largest:
-            raise mistake(f"found {size / 1e6:.0f} MB; allowed: up to {largest / 1e6:.0f} MB")
+        max_bytes = meshes.LIMITS.max_bytes
+        if size > max_bytes:
+            raise mistake(f"found {size / 1e6:.0f} MB; allowed: up to {max_bytes / 1e6:.0f} MB")
         try:
             meshes.read(folder / path, folder)
         except (OSError, ValueError) as reason:
@@ -196,9 +196,9 @@ class Mesh(Shape):
 
     def digest(self) -> str:
         """SHA-256 of the mesh file and the files to which it refers, in hexadecimal."""
-        (_, content), *others = self.contents().items()
+        (_, content), *linked = self.contents().items()
         total = hashlib.sha256(content)
-        for name, content in sorted(others):
+        for name, content in sorted(linked):
             total.update(f"\n{name}\n".encode() + hashlib.sha256(content).digest())
         return total.hexdigest()
 

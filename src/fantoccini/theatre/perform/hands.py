@@ -234,7 +234,7 @@ class Hands:
     def away(self, q_K: ConfigK, wanted: ConfigK) -> VecK:
         """(n_vK,) tangent vector from one driven configuration to another."""
         table, away = self.marionette.coordinates, np.zeros(len(self.group))
-        q, v = table.places_K
+        q, v = table.scalar_indices_K
         away[v] = wanted[q] - q_K[q]
         for at, w in table.quaternions_K:
             turned = slice(at, at + 4)
@@ -265,7 +265,7 @@ class Hands:
     def moved(self, q_K: ConfigK, d: VecK) -> ConfigK:
         """(n_qK,) driven configuration plus offsets (n_vK,), with lengths in their ranges."""
         table, moved = self.marionette.coordinates, np.array(q_K)
-        q, v = table.places_K
+        q, v = table.scalar_indices_K
         moved[q] += d[v]
         for at, w in table.quaternions_K:
             moved[at : at + 4] = rotation.multiply(q_K[at : at + 4], rotation.exp(d[w : w + 3]))

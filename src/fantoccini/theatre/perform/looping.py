@@ -64,7 +64,7 @@ def return_motion(
 def difference(table: CoordinateTable, q_K: ConfigK, other: ConfigK) -> VecK:
     """(n_vK,) tangent vector from one driven configuration to another."""
     vector = np.zeros(table.n_vK)
-    q, v = table.places_K
+    q, v = table.scalar_indices_K
     vector[v] = other[q] - q_K[q]
     for at, w in table.quaternions_K:
         vector[w : w + 3] = rotation.between(q_K[at : at + 4], other[at : at + 4])
