@@ -34,7 +34,7 @@ def check(puppet: fan.Marionette, x: fan.State, modes: list[str], bound: float) 
         return np.concatenate([changed.acc_D, *(point.force for point in changed.contacts)])
 
     for name in ("q_D", "v_D", "u_D"):
-        derivative = np.concatenate([getattr(lin.acc, name), getattr(lin.push, name)])
+        derivative = np.concatenate([getattr(lin.acc, name), getattr(lin.force_partials, name)])
         key = name.removesuffix("_D") if name == "u_D" else name
         expected = difference(lambda d, key=key: at(**{key: d}), t.n_vD, 1e-4)
         assert worst(derivative, expected) < bound, name

@@ -97,7 +97,9 @@ def check_step(
         assert worst(derivative, expected[: len(derivative)]) < bound, name
         if len(set(modes)) == len(modes):
             # Redundant points may share their forces differently for neighbouring states.
-            assert worst(getattr(lin.push, name), expected[len(derivative) :]) < 10 * bound, name
+            assert (
+                worst(getattr(lin.force_partials, name), expected[len(derivative) :]) < 10 * bound
+            ), name
     return lin
 
 
@@ -107,7 +109,7 @@ def check_compiled(
     """The compiled linearise_steps gives the derivatives of linearise_step; all steps settle."""
     x, t = lin.x, puppet.coordinates
     steps = puppet.linearise_steps(
-        x.q_D, x.v_D, x.q_K, x.v_K, acc_K, u_D, dt=lin.dt, forces=True, pull=True
+        x.q_D, x.v_D, x.q_K, x.v_K, acc_K, u_D, dt=lin.dt, forces=True, tension_partials=True
     )
     assert steps.settled.all()
     assert steps.n_contacts.tolist() == [len(lin.contacts)]
@@ -120,8 +122,8 @@ def check_compiled(
     assert worst(derivatives, expected) < 1e-9
     more = np.concatenate([lin.B_u, lin.B_p], axis=1)[: 2 * n]
     assert worst(steps.motion[0][:, 2 * n + 3 * k :], more) < 1e-9
-    pull = np.concatenate(list(vars(lin.pull).values()), axis=1)
-    assert worst(steps.pull[0], pull) < 1e-9
+    pull = np.concatenate(list(vars(lin.tension_partials).values()), axis=1)
+    assert worst(steps.tension_partials[0], pull) < 1e-9
 
 
 @pytest.fixture(scope="module")

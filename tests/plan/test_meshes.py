@@ -176,7 +176,7 @@ def test_a_moving_tetrahedron_has_the_distance_of_geometry(at, gap):
         clear = Clearance(puppet, [ball])
         near = clear.nearest(state_with_poses(puppet, (place, turn)))
         assert near.distance == pytest.approx(gap - 0.05, abs=1e-9)
-        assert (near.what, near.other) == ("body0", "ball")
+        assert (near.first, near.second) == ("body0", "ball")
 
 
 def test_a_notch_is_free():
@@ -245,7 +245,7 @@ def test_meshes_of_one_puppet_keep_clear_of_one_another():
     zeros, turn = (np.zeros(3), Rotation.identity()), Rotation.from_euler("y", 180, degrees=True)
     near = own.nearest(state_with_poses(puppet, zeros, (np.array([0.53, 0.0, 0.54]), turn)))
     assert near.distance == pytest.approx(np.hypot(0.03, 0.04), abs=1e-9)
-    assert {near.what, near.other} == {"body0", "body1"}
+    assert {near.first, near.second} == {"body0", "body1"}
     assert float(own.of(state_with_poses(puppet, zeros, (np.array([0.45, 0.0, 0.45]), turn)))) < 0.0
 
 
@@ -286,7 +286,7 @@ def test_slack_strings_keep_clear_of_meshes_as_of_boxes():
     np.testing.assert_allclose(distance[apart], box_distance[apart], atol=1e-9)
     assert np.all(distance[~apart] < 0.0)
     near = Clearance(ARM, [SHELF]).nearest(HANGING.replace(q_K=[0.3, 0.0, 1.9]))
-    assert (near.what, near.other) == ("string hand", "shelf")
+    assert (near.first, near.second) == ("string hand", "shelf")
 
 
 def test_a_plan_goes_through_a_notch():

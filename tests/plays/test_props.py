@@ -10,7 +10,7 @@ import pytest
 from ruamel.yaml import YAML
 
 import fantoccini as fan
-from fantoccini.dynamics.clearance import Clearance, StringsApart
+from fantoccini.dynamics.clearance import Clearance, StringDistances
 from fantoccini.model.puppet.contact import FLOOR
 from fantoccini.theatre import cast
 from fantoccini.theatre.cast import prop_gestures
@@ -129,11 +129,11 @@ def least_distance(scene, run, kind: str, arms: tuple[str, ...]) -> float:
     # Bodies of one puppet may touch each other, but not the prop.
     own = [frozenset(pair) for pair in combinations([x for x in links if x != kind], 2)]
     distances.append(Clearance(scene, free=[*free, *own]).at(q_D, q_K).min())
-    strings = StringsApart(scene).motion(q_D, q_K, t)
+    strings = StringDistances(scene).motion(q_D, q_K, t)
     assert not strings.crossings()
     near = strings.nearest()
     owner = [
-        (approach, approach.what.split(".")[0], approach.other.split(".")[0])
+        (approach, approach.first.split(".")[0], approach.second.split(".")[0])
         for approach in (*near.strings, *near.bodies)
     ]
     return min(*distances, *(approach.distance for approach, a, b in owner if a != b))

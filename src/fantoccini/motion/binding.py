@@ -91,7 +91,7 @@ def bound(
             _report_start(
                 mistakes, name, (q_inputs[:, q], q_K[:, q]), not_finite[:, q], is_off[:, q], t
             )
-    mistakes.refuse()
+    mistakes.raise_if_any()
     if speeds is not None and np.any(differs):
         v_K = np.where(np.abs(v_K - v_inputs) <= max_speed, v_K, v_inputs)
         _move_start(table, breaks, coef, base, t, np.flatnonzero(differs), move, v_K)

@@ -159,7 +159,7 @@ def _from_columns(table: CoordinateTable, columns: dict[str, Array], located: Lo
     mistakes = Mistakes(located, InputError)
     values_by_name = {name: values for name, values in columns.items() if name != "t"}
     points = reading.samples(table, columns["t"], values_by_name, mistakes)
-    mistakes.refuse()
+    mistakes.raise_if_any()
     return Waypoints(pieces.through_samples(table, points), mistakes)
 
 
@@ -230,7 +230,7 @@ def csv_columns(
         mistakes.add((title,), "two columns have this name")
     if "" in header:
         mistakes.add((), f"column {header.index('') + 1} has no name")
-    mistakes.refuse()
+    mistakes.raise_if_any()
     return dict(zip(header, columns, strict=True)), located
 
 

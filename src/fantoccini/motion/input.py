@@ -130,7 +130,7 @@ class Input:
             mistakes.add(("smooth",), f"is {smooth!r}; it must be 'minimum-jerk'")
         checked_points = reading.waypoints(table, points, mistakes)
         motion = cls.of_channels(table, pieces.through_waypoints(table, checked_points), mistakes)
-        mistakes.refuse()
+        mistakes.raise_if_any()
         return motion
 
     @classmethod
@@ -152,7 +152,7 @@ class Input:
         motion = cls.of_channels(
             table, pieces.through_samples(table, checked_columns, rest), mistakes
         )
-        mistakes.refuse()
+        mistakes.raise_if_any()
         return motion
 
     @classmethod
@@ -212,7 +212,7 @@ class Input:
         contents.mistakes.findings += [
             ((*contents.place, *path_below), message) for path_below, message in lengths.findings
         ]
-        contents.mistakes.refuse()
+        contents.mistakes.raise_if_any()
         if contents.forces:
             motion = motion.with_force_points(contents.forces)
         if contents.duration is None:
@@ -234,7 +234,7 @@ class Input:
         """
         mistakes = Mistakes.of_inputs()
         checked_points = reading.forces(self.coordinates, points, mistakes)
-        mistakes.refuse()
+        mistakes.raise_if_any()
         return self.with_force_points(checked_points)
 
     def with_force_points(self, points: Mapping[str, channel.Points]) -> Input:
@@ -391,7 +391,7 @@ class Input:
         """The same without small jumps; raises ``mistakes`` and larger jumps."""
         breaks, coef, base, named, _ = self._arrays
         coef = pieces.without_jumps(self.coordinates, breaks, coef, base, named, mistakes)
-        mistakes.refuse()
+        mistakes.raise_if_any()
         return self if coef is self.coef else dataclasses.replace(self, coef=coef)
 
     def at_rest(self) -> Input:

@@ -103,7 +103,7 @@ class InputDerivative(ShortRepr):
                     "is a rotation, for whose waypoints there is no derivative; leave it out with "
                     "only=[...]",
                 )
-        mistakes.refuse()
+        mistakes.raise_if_any()
         checked_points = reading.waypoints(table, points, mistakes)
         derivatives = []
         for name in names:

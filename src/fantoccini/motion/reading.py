@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import TypeAdapter, ValidationError
 
-from fantoccini.base import Array, Times, is_number, nearest, rotation
+from fantoccini.base import Array, Times, did_you_mean, is_number, rotation
 from fantoccini.base.documents import Angle, Mistakes, Path, shown
 from fantoccini.model.tree import CoordinateTable
 from fantoccini.motion.channel import SAME_TIME, Points
@@ -69,7 +69,7 @@ def unknown_coordinate(table: CoordinateTable, name: str) -> str:
             return f"is one number of a rotation; drive {channel!r} as a whole"
     if name in table.q_D or name in table.v_D:
         return "moves by itself: it is dynamic, and inputs drive the driven coordinates only"
-    return f"is not a driven coordinate{nearest(str(name), channel_names(table))}"
+    return f"is not a driven coordinate{did_you_mean(str(name), channel_names(table))}"
 
 
 def _quaternions(table: CoordinateTable, channel: str) -> dict[str, list[str]]:
@@ -141,7 +141,7 @@ def forces(
         path = (*parent_path, str(name))
         if name not in table.v_D:
             mistakes.add(
-                path, f"is not the name of a dynamic velocity{nearest(str(name), table.v_D)}"
+                path, f"is not the name of a dynamic velocity{did_you_mean(str(name), table.v_D)}"
             )
             continue
         values = series(points, mistakes, path, number, allow_steps=True)

@@ -320,7 +320,7 @@ def _klipper(points: SetPoints) -> str:
         for axis, name in zip(points.axes, names, strict=True)
         if not _KLIPPER_NAME.fullmatch(name)
     ]
-    points.map.stand.refuse([*mistakes])
+    points.map.stand.raise_if_any([*mistakes])
     scale, motion = gcode_units(points.axes), points.motion
     lines = [f"; {points.map.stand.name}: {len(points)} set points in {motion.t[-1]:.3f} s"]
     start = points.home_position() if points.home else motion.position[0]

@@ -159,7 +159,7 @@ def addresses(stand: Stand, controller: Osc) -> tuple[str, ...]:
             text = f"found {address!r} twice; needed: an address of its own"
             mistakes.append((("controller", "names", axis), text))
         addresses.append(address)
-    stand.refuse([*mistakes])
+    stand.raise_if_any([*mistakes])
     return tuple(addresses)
 
 
@@ -185,7 +185,7 @@ def channels(stand: Stand, controller: ArtNet) -> tuple[int, ...]:
             used |= set(range(int(name), int(name) + n_channels))
             continue
         mistakes.append((("controller", "names", axis), text))
-    stand.refuse([*mistakes])
+    stand.raise_if_any([*mistakes])
     channel = 1
     for axis in stand.axes:
         if axis in first:

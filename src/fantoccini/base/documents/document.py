@@ -17,16 +17,16 @@ The fields of the subclass are the keys of the file::
         @model_validator(mode="after")
         def _known(self) -> StandFile:
             known = {name for axis in self.axes.values() for name in axis.moves}
-            refuse(unknown_names(self.zero, known, "no axis moves {}", ("zero",)))
+            raise_if_any(unknown_names(self.zero, known, "no axis moves {}", ("zero",)))
             return self
 
     stand = read_document("stage.yaml", StandFile)  # or the name of a bundled stand
     stand = parse_document(text, StandFile)
     document_schema(StandFile)  # JSON Schema for editors
 
-A check of a value raises ``mistake(text)``; one of a part or of the whole file lists mistakes
-at keys below it with ``refuse``. An error lists every mistake as ``file:line: key.path: found,
-allowed, nearest name``. Checks that need more than the file (a compiled puppet, other files) come
+A check of a value raises ``validation_error(text)``; one of a part or of the whole file lists
+mistakes at keys below it with ``raise_if_any``. An error lists every mistake as ``file:line:
+key.path: found, allowed, nearest name``. Checks that need more than the file (a compiled puppet, other files) come
 after it: :class:`Mistakes` runs them with ``document.located``, which has the lines and the folder.
 '''
 
@@ -40,7 +40,7 @@ from typing import Any, ClassVar, NamedTuple, TypeVar
 from pydantic import GetCoreSchemaHandler, PrivateAttr, ValidationError
 from pydantic_core import core_schema
 
-from fantoccini.base import FileError, Mistake, nearest
+from fantoccini.base import FileError, Mistake, did_you_mean
 from fantoccini.base.documents.json_schema import described_schema
 from fantoccini.base.documents.located import (
     NO_WORDS,
@@ -100,7 +100,7 @@ class Kind(NamedTuple):
         """
         kinds = " or ".join((self.name, *other_kinds))
         text = f"found nothing here; a {kinds} file is needed, or the name of a bundled {kinds}"
-        return self.error([Mistake(name, None, "", text + nearest(name, names))])
+        return self.error([Mistake(name, None, "", text + did_you_mean(name, names))])
 
 
 class Document(Model):
@@ -136,7 +136,7 @@ class Document(Model):
         """File, folder, and line of every key."""
         return self._located
 
-    def refuse(self, findings: Iterable[Finding]) -> None:
+    def raise_if_any(self, findings: Iterable[Finding]) -> None:
         """Raises this kind of file's error if there are mistakes."""
         if mistakes := tuple(findings):
             raise self._located.error(mistakes, self.kind.error)

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple, TypeVar, get_args
 
 from pydantic import BaseModel, ValidationError
 
-from fantoccini.base import FileError, Mistake, StateError, nearest
+from fantoccini.base import FileError, Mistake, StateError, did_you_mean
 from fantoccini.base.documents.limits import LIMITS
 from fantoccini.base.documents.yaml_text import Path, Unreadable, read_text
 
@@ -346,7 +346,7 @@ def _message_of(model: type[BaseModel], item: Any, leaf: str, words: Words | Non
         if words is None:
             return "this key is not known"
         keys = allowed_keys(model, item["loc"][:-1])
-        return words.advice(leaf, keys) or f"this key is not known{nearest(leaf[:64], keys)}"
+        return words.advice(leaf, keys) or f"this key is not known{did_you_mean(leaf[:64], keys)}"
     if kind in ("missing", "union_tag_not_found"):
         return "this key is missing"
     if kind == "literal_error" or kind == "union_tag_invalid":
@@ -365,7 +365,7 @@ def _synonym_hint(value: Any, names: list[str], words: Words) -> str:
         return ""
     if (synonym := words.own.get(value.lower().replace("_", "-"))) in names:
         return f"; did you mean {synonym!r}?"
-    hint = nearest(value[:64], names)
+    hint = did_you_mean(value[:64], names)
     return hint if "did you mean" in hint else ""
 
 

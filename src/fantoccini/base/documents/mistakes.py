@@ -57,11 +57,11 @@ class Mistakes:
             FileError: ``make`` raised, or an earlier check did; lists every mistake.
         """
         result = self(path, make)
-        self.refuse()
+        self.raise_if_any()
         assert result is not None
         return result
 
-    def refuse(self) -> None:
+    def raise_if_any(self) -> None:
         """Raises the error if there are mistakes."""
         if self.findings:
             raise self.located.error(self.findings, self._error)

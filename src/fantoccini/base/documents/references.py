@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator
 
-from fantoccini.base import nearest
+from fantoccini.base import did_you_mean
 from fantoccini.base.documents.limits import LIMITS
 from fantoccini.base.documents.located import Finding, shown
 from fantoccini.base.documents.yaml_text import Path
@@ -25,5 +25,5 @@ def unknown_names(
         gets_hint = k < LIMITS.max_hints and len(known) <= LIMITS.max_hint_names
         yield (
             (*parent_path, name),
-            template.format(shown(name)) + (nearest(name[:64], known) if gets_hint else ""),
+            template.format(shown(name)) + (did_you_mean(name[:64], known) if gets_hint else ""),
         )

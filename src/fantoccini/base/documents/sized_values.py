@@ -12,9 +12,9 @@ from fantoccini.base.documents.values import (
     Positive,
     Real,
     Vector,
-    mistake,
     positive,
     read_length,
+    validation_error,
 )
 
 _MAX_MAGNITUDE = 1e6
@@ -26,7 +26,9 @@ def _sized(value: Any) -> Any:
     numbers = value if isinstance(value, tuple) else (value,)
     for number in numbers:
         if isinstance(number, float) and abs(number) > _MAX_MAGNITUDE:
-            raise mistake(f"found {number:g}; needed: a size of at most {_MAX_MAGNITUDE:g}")
+            raise validation_error(
+                f"found {number:g}; needed: a size of at most {_MAX_MAGNITUDE:g}"
+            )
     return value
 
 

@@ -69,7 +69,7 @@ def clearance_residual(clear: ClearanceRows, run: Trajectory) -> Residual:
     if not len(clear):
         return NO_RESIDUAL
     closest = clear.whole.least(run)
-    name = f"the clearance of {clear.whole.pair_at(closest.q_D, closest.q_K).what}"
+    name = f"the clearance of {clear.whole.pair_at(closest.q_D, closest.q_K).first}"
     size = clear.margin - closest.distance
     return _residual(size, name, closest.t, closest.distance, clear.margin, np.inf)
 

@@ -76,12 +76,12 @@ class ClampedSteps:
         driven = np.eye(2 * k, 3 * k)[None]
         for j in range(m):
             inputs = StepInputs.from_arrays(self._marionette, x, nodes.acc_K, dt=dt)
-            options = StepOptions(pull=pulls and j == 0, threads=self._threads)
+            options = StepOptions(tension_partials=pulls and j == 0, threads=self._threads)
             step = linearise_steps(self._marionette, inputs, options, self._memory)
             self._memory = step.motion
             self._stages.add_step(step.motion, driven, k, j == 0)
             if j == 0:
-                tension, pull = step.tension, step.pull
+                tension, pull = step.tension, step.tension_partials
             step_driven = step.driven
             driven = step_driven[..., : 2 * k] @ driven
             driven[..., 2 * k :] += step_driven[..., 2 * k :]
@@ -110,8 +110,8 @@ class ClampedSteps:
         pulls = list(objective.pulls(nodes, slopes.tension))
         C, W = np.zeros((N, len(pulls), nodes.n_z + k)), np.zeros((N, len(pulls)))
         for i, (row, weights, r) in enumerate(pulls):
-            assert slopes.pull is not None
-            derivatives = slopes.pull[:, row, : nodes.n_z + k]
+            assert slopes.tension_partials is not None
+            derivatives = slopes.tension_partials[:, row, : nodes.n_z + k]
             C[:, i], W[:, i] = derivatives, weights
             g[:, :k] += (weights * r)[:, None] * derivatives[:, nodes.n_z :]
             g[:-1, k:] += (weights * r)[1:, None] * derivatives[1:, : nodes.n_z]

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from fantoccini.base import Array, StateError, nearest, rotation
+from fantoccini.base import Array, StateError, did_you_mean, rotation
 from fantoccini.base.documents import Located, Mistakes, rotation_vector_quaternion, shown
 from fantoccini.control.tasks.bounds import Bounds, Interval, Magnitudes
 from fantoccini.control.tasks.chosen_parameters import ChosenParameters
@@ -50,7 +50,7 @@ def task_of_file(reading: Reading[TaskFile]) -> Task:
     bounds = _bounds(reading)
     for i, track in enumerate(file.tracks):
         _check_name(track, marionette, ("tracks", i), check)
-    check.refuse()
+    check.raise_if_any()
     x0 = reading.start
     check(("bounds",), lambda: bounds.check_state(marionette, x0, "at the start"))
     for name, span in file.parameters.items():
@@ -61,7 +61,7 @@ def task_of_file(reading: Reading[TaskFile]) -> Task:
     reader = _Reader(reading, x0)
     tracks = [reader.track(track, ("tracks", i)) for i, track in enumerate(file.tracks)]
     touches = [reader.touch(touch, ("touches", i)) for i, touch in enumerate(file.touches)]
-    check.refuse()
+    check.raise_if_any()
     end = None
     if file.end is not None:
         goal = {**file.start, **file.end}
@@ -73,7 +73,7 @@ def task_of_file(reading: Reading[TaskFile]) -> Task:
             ("periodic", key),
             lambda key=key, displacement=displacement: moved(marionette, x0, {key: displacement}),
         )
-    check.refuse()
+    check.raise_if_any()
     if displacements := file.periodic:
         periodic_end = End.whole(marionette.coordinates, moved(marionette, x0, displacements))
         check(("periodic",), lambda: bounds.check_end(marionette, x0, periodic_end))
@@ -82,7 +82,7 @@ def task_of_file(reading: Reading[TaskFile]) -> Task:
     guess = None
     if file.guess is not None:
         guess = check(("guess",), lambda: _guess(reading))
-    check.refuse()
+    check.raise_if_any()
     smooth = Smooth(file.smooth.acceleration, file.smooth.jerk)
     return check.need(
         (),
@@ -240,7 +240,7 @@ class _Reader:
                 known_names = ", ".join(columns)
                 raise StateError(f"{name} has no column {column}; found: {known_names}")
         if unknown := [column for column in columns if column not in needed]:
-            hint = nearest(unknown[0], needed)
+            hint = did_you_mean(unknown[0], needed)
             raise StateError(f"{name} has the column {shown(unknown[0])}{hint}")
         values = np.stack([columns[column] for column in needed[1:]], axis=1)
         if not np.all(np.isfinite(values)):

@@ -34,20 +34,20 @@ class Nearest:
     """The nearest pair of solids.
 
     Attributes:
-        what, other: names of a body, an obstacle or a string.
+        first, second: names of a body, an obstacle or a string.
         distance: distance between them [m]; negative where they overlap.
     """
 
-    what: str
-    other: str
+    first: str
+    second: str
     distance: float
 
     def __str__(self) -> str:
         if -_MAX_TOUCHING_DISTANCE < self.distance < 0.0:  # thin solids have no depth
-            return f"{self.what} meets {self.other}"
+            return f"{self.first} meets {self.second}"
         if self.distance < 0.0:
-            return f"{self.what} is {-self.distance:.3g} m inside {self.other}"
-        return f"{self.what} is {self.distance:.3g} m from {self.other}"
+            return f"{self.first} is {-self.distance:.3g} m inside {self.second}"
+        return f"{self.first} is {self.distance:.3g} m from {self.second}"
 
 
 @dataclass(frozen=True)

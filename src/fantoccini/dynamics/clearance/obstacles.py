@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field, field_validator
 
 from fantoccini.base import FileError, Mistake
-from fantoccini.base.documents import Located, Model, Name, Vector, mistake, validate
+from fantoccini.base.documents import Located, Model, Name, Vector, validate, validation_error
 from fantoccini.model.puppet import WORDS, AnyObstacle, Obstacle, Puppet
 
 
@@ -29,7 +29,7 @@ class HalfSpace(Model):
     def _normalise(cls, normal: tuple[float, float, float]) -> tuple[float, ...]:
         size = float(np.linalg.norm(normal))
         if size == 0.0:
-            raise mistake("found the zero vector; needed: a direction")
+            raise validation_error("found the zero vector; needed: a direction")
         return tuple(float(x) / size for x in normal)
 
 

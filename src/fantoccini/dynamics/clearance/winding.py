@@ -45,23 +45,23 @@ class Crossing:
     """A string that passes through another.
 
     Attributes:
-        what, other: names of the strings.
+        first, second: names of the strings.
         t: time [s], for ends that move uniformly between the samples.
         place: (3,) place of the crossing [m].
-        turn: 1 where the upper part of ``other`` goes on round ``what`` to the left, seen from
+        turn: 1 where the upper part of ``second`` goes on round ``first`` to the left, seen from
             above, -1 to the right, 0 where both move in one plane. The crossing adds it to the
             difference between ``turns`` and ``seen`` of their :class:`Winding`.
     """
 
-    what: str
-    other: str
+    first: str
+    second: str
     t: float
     place: tuple[float, float, float]
     turn: int
 
     def __str__(self) -> str:
         coordinates = ", ".join(f"{x:.3g}" for x in self.place)
-        return f"string {self.what} crosses {self.other} at t = {self.t:.4g} s, ({coordinates})"
+        return f"string {self.first} crosses {self.second} at t = {self.t:.4g} s, ({coordinates})"
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,13 +75,13 @@ class Winding:
     all times without crossings. Each crossing adds a turn, in its sense, to the difference.
 
     Attributes:
-        what, other: names of the strings.
+        first, second: names of the strings.
         turns: (T,) w; positive to the left, seen from above.
         seen: (T,) angle that the strings sweep from bottom to top [turns].
     """
 
-    what: str
-    other: str
+    first: str
+    second: str
     turns: Array
     seen: Array
 
@@ -110,9 +110,9 @@ def crossings(cores: Cores, t: Times, pairs: StringPairs) -> tuple[Crossing, ...
         places = steps.part(selected).places(s)
         times = t[k[selected]] + s * (t[k[selected] + 1] - t[k[selected]])
         for n, m in enumerate(selected):
-            what, other = pairs.names[pairs.string_string_pairs.group[pair[m]]]
+            first, second = pairs.names[pairs.string_string_pairs.group[pair[m]]]
             x, y, z = places[n].tolist()
-            results.append(Crossing(what, other, float(times[n]), (x, y, z), int(turn[n])))
+            results.append(Crossing(first, second, float(times[n]), (x, y, z), int(turn[n])))
     return tuple(sorted(results, key=lambda crossing: crossing.t))
 
 
@@ -245,8 +245,8 @@ def windings(cores: Cores, pairs: StringPairs) -> tuple[Winding, ...]:
             lower_offset[:-1], lower_offset[1:]
         )
         turns = seen_turns[0] + np.concatenate([[0.0], np.cumsum(steps)])
-        what, another = pairs.names[pairs.string_string_pairs.group[n]]
-        results.append(Winding(what, another, turns, seen_turns))
+        first, second = pairs.names[pairs.string_string_pairs.group[n]]
+        results.append(Winding(first, second, turns, seen_turns))
     return tuple(sorted(results, key=lambda winding: -abs(winding.turns[-1])))
 
 

@@ -75,7 +75,9 @@ def _newton_move(marionette: CompiledPuppet, x: State, motion: RestMotion) -> Ar
 
     def accelerations(move: Array) -> Array:
         nearby = x.replace(q_D=retract(marionette, x.q_D, move))
-        return frozen.moving(Evaluation.at_state(marionette, nearby), nearby, still_K, held)[0]
+        return frozen.accelerations_and_forces(
+            Evaluation.at_state(marionette, nearby), nearby, still_K, held
+        )[0]
 
     columns = []
     for direction in N.T:

@@ -74,10 +74,10 @@ class Linearisation(ShortRepr):
         acc_D: (n_vD,) acceleration there [rad/s^2 or m/s^2].
         tension: (n_rows,) forces of strings and limits there [N or N m].
         acc: derivatives of acc_D (n_vD, ...).
-        pull: derivatives of the tensions (n_rows, ...); 0 for rows that are not held.
+        tension_partials: derivatives of the tensions (n_rows, ...); 0 for rows that are not held.
         contacts: the points that push, in their modes.
-        push: derivatives of their forces (3 n, ...), in the world; of least norm where the law
-            does not determine them, as the forces are.
+        force_partials: derivatives of their forces (3 n, ...), in the world; of least norm where
+            the law does not determine them, as the forces are.
         edges: contacts between two modes, such as a point that touches without force: the
             derivatives are then those of the modes taken, towards one side.
         coordinates: names and places of the coordinates.
@@ -88,9 +88,9 @@ class Linearisation(ShortRepr):
     acc_D: Array
     tension: Array
     acc: Partials
-    pull: Partials
+    tension_partials: Partials
     contacts: tuple[HeldPoint, ...]
-    push: Partials
+    force_partials: Partials
     edges: tuple[str, ...]
     coordinates: CoordinateTable
 
@@ -177,7 +177,9 @@ def linearise(
         held = named_rows(marionette, rows)
     frozen, pushing_points = FrozenModes(marionette, point_modes), list[HeldPoint]()
     if rows is not None or point_modes:
-        acc_D, held_tension, pushing_points = frozen.moving(evaluation, x, acc_K, held)
+        acc_D, held_tension, pushing_points = frozen.accelerations_and_forces(
+            evaluation, x, acc_K, held
+        )
         tension = np.zeros(marionette.tree.n_rows)
         tension[held] = held_tension
     derivatives = derivatives_at(marionette, x, acc_D, acc_K, tension)
@@ -193,11 +195,11 @@ def linearise(
         acc_D=acc_D,
         tension=tension,
         acc=Partials.from_columns(dacc, widths),
-        pull=Partials.from_columns(
+        tension_partials=Partials.from_columns(
             tension_derivatives(marionette, tension, held, dtension), widths
         ),
         contacts=tuple(pushing_points),
-        push=Partials.from_columns(dpush, widths),
+        force_partials=Partials.from_columns(dpush, widths),
         edges=edges,
         coordinates=table,
     )

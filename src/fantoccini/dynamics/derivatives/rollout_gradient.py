@@ -66,7 +66,8 @@ class Rollout(ShortRepr):
         q_D, v_D, q_K, v_K: (n + 1, ...) states at the nodes.
         tension: (n, n_rows) mean tensions of strings and forces of limits in each step, the impulse
             divided by dt [N or N m].
-        held: (n, n_rows) bool, the strings that are taut and limits that are reached in each step.
+        active: (n, n_rows) bool, the strings that are taut and limits that are reached in each
+            step.
         dt: length of the steps [s].
         status: ``DONE``, or the reason of the stop.
         steps: number n of steps taken; fewer than requested if the run stopped (``throw=False``).
@@ -84,7 +85,7 @@ class Rollout(ShortRepr):
     q_K: Array
     v_K: Array
     tension: Array
-    held: MaskRows
+    active: MaskRows
     dt: float
     status: Status
     steps: int
@@ -146,7 +147,7 @@ class Rollout(ShortRepr):
         if tension is not None:
             by_tension = _checked_copy(n, self.tension.shape[1], tension=tension)
         self._check_derivatives_exist()
-        result = self._run.gradient(self.held, l_q, l_v, by_tension)
+        result = self._run.gradient(self.active, l_q, l_v, by_tension)
         self._check_derivatives_exist()  # the gradient may have detected further edges
         l_qK[:n] += result["g_qK"]
         has_rotations = self.coordinates.quaternions_K
@@ -266,7 +267,7 @@ def rollout(
     return Rollout(
         **{name: run.arrays[name][: n_done + 1] for name in ("q_D", "v_D", "q_K", "v_K")},
         tension=tension,
-        held=held_rows(marionette, tension),
+        active=held_rows(marionette, tension),
         dt=dt,
         status=status,
         steps=n_done,

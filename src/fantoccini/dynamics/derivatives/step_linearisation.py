@@ -45,10 +45,10 @@ class StepLinearisation(ShortRepr):
         B: (2 n_vD + 2 n_vK, n_vK) derivatives by the driven acceleration.
         B_u: (2 n_vD + 2 n_vK, n_vD) derivatives by the user's forces.
         B_p: (2 n_vD + 2 n_vK, n_p) derivatives by the parameters.
-        pull: derivatives of ``tension`` (n_rows, ...); 0 for rows that are not held.
+        tension_partials: derivatives of ``tension`` (n_rows, ...); 0 for rows that are not held.
         contacts: the points that push, in their modes.
-        push: derivatives of their forces (3 n, ...), in the world; of least norm where the law
-            does not determine them, as the forces are.
+        force_partials: derivatives of their forces (3 n, ...), in the world; of least norm where
+            the law does not determine them, as the forces are.
         edges: contacts between two modes, such as a point that touches without force: A, B, B_u
             and B_p are then derivatives of the modes taken, towards one side.
         coordinates: names and places of the coordinates.
@@ -63,9 +63,9 @@ class StepLinearisation(ShortRepr):
     B: Array
     B_u: Array
     B_p: Array
-    pull: Partials
+    tension_partials: Partials
     contacts: tuple[HeldPoint, ...]
-    push: Partials
+    force_partials: Partials
     edges: tuple[str, ...]
     coordinates: CoordinateTable
 
@@ -89,7 +89,7 @@ def linearise_step(
     slip = marionette.states([x]).slip[0]
     motion = x.q_D, x.v_D, x.q_K, x.v_K
     step_inputs = StepInputs.from_arrays(marionette, motion, acc_K, u_D, None, dt, slip)
-    options = StepOptions(forces=True, pull=True, threads=1)
+    options = StepOptions(forces=True, tension_partials=True, threads=1)
     linearised_ = linearised(marionette, step_inputs, options, shares=True)
     steps, results = linearised_.steps, linearised_.record
     _check_arrived(marionette, x, results, acc_K, dt)
@@ -104,7 +104,7 @@ def linearise_step(
         np.concatenate([steps.motion[0], driven_step.end_derivatives(n, n_p)]), widths
     )
     x_next = _state_after(marionette, x, results, dt)
-    assert steps.pull is not None
+    assert steps.tension_partials is not None
     force_changes = np.zeros((0, sum(widths)))
     if points:
         assert (
@@ -131,15 +131,15 @@ def linearise_step(
         x=x,
         x_next=x_next,
         dt=dt,
-        rows=tuple(marionette.tree.row_names[i] for i in np.flatnonzero(steps.held[0])),
+        rows=tuple(marionette.tree.row_names[i] for i in np.flatnonzero(steps.active[0])),
         tension=steps.tension[0],
         A=np.concatenate([columns.q_D, columns.v_D, columns.q_K, columns.v_K], axis=1),
         B=columns.acc_K,
         B_u=columns.u_D,
         B_p=columns.p,
-        pull=Partials.from_columns(steps.pull[0], widths),
+        tension_partials=Partials.from_columns(steps.tension_partials[0], widths),
         contacts=points,
-        push=Partials.from_columns(force_changes, widths),
+        force_partials=Partials.from_columns(force_changes, widths),
         edges=() if touches is None else _named_edges(marionette, touches),
         coordinates=t,
     )

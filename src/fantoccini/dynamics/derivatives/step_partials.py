@@ -52,11 +52,12 @@ class StepLinearisations(ShortRepr):
         q_D, v_D, q_K, v_K: (n, ...) dynamic (D) and driven (kinematic, K) configurations and
             velocities after the steps.
         tension: (n, n_rows) impulses over dt [N or N m].
-        held: (n, n_rows) bool, strings and limits held in the steps.
+        active: (n, n_rows) bool, strings and limits held in the steps.
         motion: (n, 2 n_vD, m) derivatives of (dq_D, v_D) after the step by q_D, v_D, q_K, v_K,
             acc_K, u_D if requested, and p: the rows of A, B, B_u and B_p of the dynamic
             coordinates.
-        pull: (n, n_rows, m) derivatives of ``tension``, if requested; 0 for rows not held.
+        tension_partials: (n, n_rows, m) derivatives of ``tension``, if requested; 0 for rows not
+            held.
         settled: (n,) bool, steps that were not stopped or scaled down, and whose contacts have
             derivatives; the derivatives of others are those of the equations, not of the step.
         edges: (n,) for each step, in which ways a contact is on the edge between two modes, as
@@ -71,9 +72,9 @@ class StepLinearisations(ShortRepr):
     q_K: Array
     v_K: Array
     tension: Array
-    held: MaskRows
+    active: MaskRows
     motion: Array
-    pull: Array | None
+    tension_partials: Array | None
     settled: MaskRows
     edges: Indices
     n_contacts: Indices
@@ -128,7 +129,7 @@ class StepOptions:
 
     Attributes:
         forces: whether to differentiate by the user's forces, too.
-        pull: whether to differentiate the tensions, too.
+        tension_partials: whether to differentiate the tensions, too.
         threads: number of threads; by default all processors.
         method: ``"timestepping"``, or ``"variational"`` for steps of that method, in which no
             driven joint turns.
@@ -138,7 +139,7 @@ class StepOptions:
     """
 
     forces: bool = False
-    pull: bool = False
+    tension_partials: bool = False
     threads: int | None = None
     method: Literal["timestepping", "variational"] = "timestepping"
 
@@ -152,7 +153,7 @@ class StepKeywords(TypedDict, total=False):
     """The fields of :class:`StepOptions` as keyword arguments."""
 
     forces: bool
-    pull: bool
+    tension_partials: bool
     threads: int | None
     method: Literal["timestepping", "variational"]
 
@@ -306,7 +307,7 @@ def linearised(
         dt=dt,
         recovery_speed=run_options.recovery_speed,
         forces=options.forces,
-        pull=options.pull,
+        pull=options.tension_partials,
         shares=shares,
         threads=threads,
         touches=touches,
@@ -330,9 +331,9 @@ def linearised(
         q_K=end_record.q_K,
         v_K=end_record.v_K,
         tension=tension,
-        held=held,
+        active=held,
         motion=derivatives.motion,
-        pull=derivatives.pull,
+        tension_partials=derivatives.pull,
         settled=is_done & (edges < StepEdge.LAW_CHANGED.value),
         edges=edges,
         n_contacts=n_points,
@@ -378,9 +379,9 @@ def _variational(
     return StepLinearisations(
         **derivatives.end,
         tension=derivatives.tension,
-        held=derivatives.held,
+        active=derivatives.held,
         motion=derivatives.motion[..., is_selected],
-        pull=derivatives.pull[..., is_selected] if options.pull else None,
+        tension_partials=derivatives.pull[..., is_selected] if options.tension_partials else None,
         settled=derivatives.solved & ~is_slipping,
         edges=zeros,
         n_contacts=zeros,

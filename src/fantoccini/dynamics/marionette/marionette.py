@@ -355,7 +355,7 @@ class Marionette(CompiledPuppet):
             p: (n, n_p) or (n_p,) parameters; by default the marionette's own.
             dt: length of the steps [s].
             options: fields of :class:`fantoccini.dynamics.derivatives.StepOptions`, such as
-                ``pull=True``.
+                ``tension_partials=True``.
 
         Raises:
             StateError: an array has another shape.

@@ -194,8 +194,12 @@ class Change:
             changes: (n_columns, m) changes of q_D, v_D, q_K, v_K, acc_K, u_D and p.
         """
         evaluation = Evaluation.at_state(marionette, x, acc_K, u_D)
-        acc, _, points = FrozenModes(marionette, before[1]).moving(evaluation, x, acc_K, before[0])
-        acc_after, _, _ = FrozenModes(marionette, after[1]).moving(evaluation, x, acc_K, after[0])
+        acc, _, points = FrozenModes(marionette, before[1]).accelerations_and_forces(
+            evaluation, x, acc_K, before[0]
+        )
+        acc_after, _, _ = FrozenModes(marionette, after[1]).accelerations_and_forces(
+            evaluation, x, acc_K, after[0]
+        )
         acc_scale = max(1.0, float(np.max(np.abs(acc))), float(np.max(np.abs(acc_after))))
         if np.max(np.abs(acc - acc_after)) <= MAX_SMOOTH_CHANGE * acc_scale:
             return None

@@ -232,8 +232,12 @@ def differentiate(
             samples_now = samples_of_step[part][k + j]
             weight = fraction[samples_now, None, None]
             between[samples_now] = (1.0 - weight) * Z[segments[samples_now], :n_v]
-            if tension_derivatives is not None and lin.pull is not None and len(samples_now):
-                derivative = lin.pull[j * S + segments[samples_now]]
+            if (
+                tension_derivatives is not None
+                and lin.tension_partials is not None
+                and len(samples_now)
+            ):
+                derivative = lin.tension_partials[j * S + segments[samples_now]]
                 tension_derivatives[samples_now] = (
                     derivative[..., : 2 * n_v] @ Z[segments[samples_now]]
                 )
@@ -255,7 +259,7 @@ def differentiate(
             )
             motion = q_D, v_D, q_K, v_K
             inputs = StepInputs.from_arrays(marionette, motion, acc_K, force, p, driven.dt)
-            options = StepOptions(pull=pull, threads=threads)
+            options = StepOptions(tension_partials=pull, threads=threads)
             lin = linearise_steps(marionette, inputs, options, work)
             work = lin.motion
             for task in [pool.submit(propagate, part, k, lin) for part in samples_of_step]:

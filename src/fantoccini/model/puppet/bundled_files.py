@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from fantoccini.base import FileError, UnknownNameError, nearest
+from fantoccini.base import FileError, UnknownNameError, did_you_mean
 from fantoccini.base.documents import Located, shown
 
 _FOLDER = Path(__file__).parents[1] / "puppets"
@@ -78,6 +78,6 @@ def named_file(name: str, located: Located) -> Path:
     file = located.beside(name)
     if file is not None:
         return file
-    hint = nearest(name, bundled_names)
+    hint = did_you_mean(name, bundled_names)
     message = f"found {shown(name)}: no file in this one's folder and no bundled puppet{hint}"
     raise located.error([(("puppet",), message)], FileError)

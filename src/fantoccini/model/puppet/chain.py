@@ -6,7 +6,7 @@ from typing import Any
 
 from pydantic import Field
 
-from fantoccini.base.documents import Model, mistake
+from fantoccini.base.documents import Model, validation_error
 from fantoccini.model.puppet.limits import LIMITS
 from fantoccini.model.puppet.quantities import Damping, PositiveMass, PositiveStiffness
 
@@ -43,12 +43,12 @@ def check_chain(wire: bool, has_restitution: bool, can_slip: bool, n_points: int
     conflicts = {"wire: true": wire, "restitution": has_restitution, "max_tension": can_slip}
     keys = [key for key, is_given in conflicts.items() if is_given]
     if keys:
-        raise mistake(
+        raise validation_error(
             f"found chain and {keys[0]}; a chain is made of springs, which are not rigid and "
             "neither bounce nor slip"
         )
     if n_points > 2:
-        raise mistake(
+        raise validation_error(
             f"found chain and a path of {n_points} points; masses do not run over pulleys: "
             "a chain has two ends"
         )

@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema, model_validator
 
-from fantoccini.base.documents import Model, mistake, shown
+from fantoccini.base.documents import Model, shown, validation_error
 from fantoccini.model.puppet.limits import LIMITS
 from fantoccini.model.puppet.quantities import (
     Damping,
@@ -68,7 +68,9 @@ class DirectCurrent(Model):
 def _count(value: Any) -> int:
     max_count = LIMITS.max_motor_steps
     if not isinstance(value, int) or isinstance(value, bool) or not 1 <= value <= max_count:
-        raise mistake(f"found {shown(value)}; needed: a whole number from 1 to {max_count}")
+        raise validation_error(
+            f"found {shown(value)}; needed: a whole number from 1 to {max_count}"
+        )
     return value
 
 
@@ -130,13 +132,15 @@ Control = Annotated[PD | ComputedTorque, Field(discriminator="type")]
 
 def _as_list(value: Any) -> Any:
     if not isinstance(value, str | list | tuple):
-        raise mistake(f"found {shown(value)}; needed: a driven coordinate, or a list of them")
+        raise validation_error(
+            f"found {shown(value)}; needed: a driven coordinate, or a list of them"
+        )
     return [value] if isinstance(value, str) else value
 
 
 def _not_empty(names: tuple[str, ...]) -> tuple[str, ...]:
     if not names:
-        raise mistake("found an empty list; needed: one or more driven coordinates")
+        raise validation_error("found an empty list; needed: one or more driven coordinates")
     return names
 
 
@@ -178,12 +182,16 @@ class Drive(Model):
     @model_validator(mode="after")
     def _check_parts(self) -> Drive:
         if self.mass is None and self.inertia is None:
-            raise mistake("needed: mass, inertia or both; otherwise leave the drive out")
+            raise validation_error("needed: mass, inertia or both; otherwise leave the drive out")
         is_stepper = isinstance(self.motor, StepperMotor)
         if is_stepper and self.control is not None:
-            raise mistake("found control and a stepper; a stepper follows its command by itself")
+            raise validation_error(
+                "found control and a stepper; a stepper follows its command by itself"
+            )
         if self.motor is not None and not is_stepper and self.control is None:
-            raise mistake("found a motor without control; needed: control, to follow a command")
+            raise validation_error(
+                "found a motor without control; needed: control, to follow a command"
+            )
         return self
 
     @property

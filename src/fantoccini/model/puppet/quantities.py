@@ -17,9 +17,9 @@ from fantoccini.base.documents import (
     Number,
     Parameter,
     Real,
-    mistake,
     number_kind,
     sized,
+    validation_error,
     value_of,
 )
 
@@ -82,16 +82,20 @@ class Bounded:
         size = abs(value)
         replacement = min(max(size, min_size), max_size) or max_size
         if self.sign == "positive" and value <= 0:
-            raise mistake(f"found {value:g}; needed: a positive number", replacement)
+            raise validation_error(f"found {value:g}; needed: a positive number", replacement)
         if self.sign == "not negative" and value < 0:
-            raise mistake(f"found {value:g}; needed: zero or a positive number", replacement)
+            raise validation_error(
+                f"found {value:g}; needed: zero or a positive number", replacement
+            )
         if size > max_size or 0 < size < min_size:
             text = f"{min_size:g} to {max_size:g}"
             if min_size and self.sign != "positive":
                 text = f"0, or {text}"
             if self.sign == "any":
                 text += " in size"
-            raise mistake(f"found {value:g}; allowed: {text} {quantity.unit}".rstrip(), replacement)
+            raise validation_error(
+                f"found {value:g}; allowed: {text} {quantity.unit}".rstrip(), replacement
+            )
         return number
 
     def __get_pydantic_core_schema__(

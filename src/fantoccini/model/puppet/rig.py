@@ -6,7 +6,7 @@ from typing import Annotated, Literal, TypeAlias
 
 from pydantic import model_validator
 
-from fantoccini.base.documents import Direction, Model, entries, refuse
+from fantoccini.base.documents import Direction, Model, entries, raise_if_any
 from fantoccini.model.puppet.quantities import Vector
 
 LimbKind: TypeAlias = Literal["arm", "leg", "wing", "tail", "neck"]
@@ -62,8 +62,8 @@ class Rig(Model):
             text = (
                 f"found limbs without {' and '.join(missing)}; limbs, trunk and facing go together"
             )
-            refuse([(("limbs",), text)])
+            raise_if_any([(("limbs",), text)])
         if self.trunk is not None and self.limbs is None:
             text = "found trunk without limbs; limbs, trunk and facing go together"
-            refuse([(("trunk",), text)])
+            raise_if_any([(("trunk",), text)])
         return self

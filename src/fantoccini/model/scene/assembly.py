@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from fantoccini.base import Mistake, PuppetError, nearest, rotation
+from fantoccini.base import Mistake, PuppetError, did_you_mean, rotation
 from fantoccini.base.documents import Finding, Located, Origin, read_document, shown
 from fantoccini.model.puppet import FLOOR, Contact, Puppet, bundled, named_parts, parameters, plain
 from fantoccini.model.scene.schema import PUPPET_OR_SCENE, Member, Prop, Scene
@@ -145,7 +145,7 @@ def _string_findings(scene: Scene, placements: list[_PlacedMember]) -> list[Find
                 text = f"found a driven end, {driven_text} `body` or `world`"
                 findings.append(((*path, "driven"), text))
             elif end.body is not None and end.body not in bodies:
-                text = f"no body is called {shown(end.body)}{nearest(end.body[:64], bodies)}"
+                text = f"no body is called {shown(end.body)}{did_you_mean(end.body[:64], bodies)}"
                 findings.append(((*path, "body"), text))
     return findings
 
@@ -168,7 +168,7 @@ def _puppet(member: Member, parent_path: tuple[str | int, ...], located: Located
     unknown_parameters: list[Finding] = [
         (
             (*parent_path, "parameters", name),
-            f"{puppet.name} has no such parameter{nearest(name, parameter_names)}",
+            f"{puppet.name} has no such parameter{did_you_mean(name, parameter_names)}",
         )
         for name in member.parameters
         if name not in parameter_names
@@ -258,7 +258,7 @@ def _contact_pairs(
             if name not in allowed_names:
                 text = f"no body, obstacle, prop or puppet is called {shown(name)}"
                 path = ("contact", "pairs", i, "between", k)
-                findings.append((path, text + nearest(name[:64], allowed_names)))
+                findings.append((path, text + did_you_mean(name[:64], allowed_names)))
         first_names, second_names = (parts_of.get(name, [name]) for name in pair.between)
         pairs += [
             plain(pair) | {"between": [a, b]}

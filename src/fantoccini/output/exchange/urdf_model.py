@@ -10,7 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from fantoccini.base import Array, ExchangeError, MissingLibraryError, Mistake, nearest, rotation
+from fantoccini.base import (
+    Array,
+    ExchangeError,
+    MissingLibraryError,
+    Mistake,
+    did_you_mean,
+    rotation,
+)
 from fantoccini.output.exchange.draft import (
     Draft,
     body_data,
@@ -170,7 +177,7 @@ class _Robot:
         for joint in self.robot.joints:
             for end in (joint.parent, joint.child):
                 if end not in links:
-                    add_mistake(joint, f"no link is called {end!r}{nearest(str(end), links)}")
+                    add_mistake(joint, f"no link is called {end!r}{did_you_mean(str(end), links)}")
             if joint.child in joint_of:
                 add_mistake(
                     joint, f"{joint.child!r} is carried by {joint_of[joint.child].name!r} already"

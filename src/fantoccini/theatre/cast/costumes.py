@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TypeVar
 
-from fantoccini.base import nearest
+from fantoccini.base import did_you_mean
 from fantoccini.model.puppet import Puppet, Shape, String
 from fantoccini.theatre.script import ScriptLog, Spot
 
@@ -32,7 +32,7 @@ def in_costume(puppet: Puppet, colours: Mapping[str, str], spot: Spot, log: Scri
         if key not in known | names:
             listed = ", ".join(sorted(known)) or "none"
             text = f"found {key!r}; needed: one of the puppet's colours ({listed}) or of its bodies"
-            log.mistakes.add((*spot, key), text + nearest(key, sorted(known | names)))
+            log.mistakes.add((*spot, key), text + did_you_mean(key, sorted(known | names)))
 
     def recoloured(part: T, body: str = "") -> T:
         colour = colours.get(body) or colours.get(part.colour or "", part.colour)

@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 
-from fantoccini.base import nearest
+from fantoccini.base import did_you_mean
 from fantoccini.base.documents import NAME
 from fantoccini.theatre.script import (
     END,
@@ -152,7 +152,9 @@ def _who(file: PlayFile, cue: PlayCue, spot: Spot, log: ScriptLog) -> tuple[str,
         if name == "all":
             players += cast
         elif name not in cast:
-            log.mistakes.add((*spot, "who"), f"no player is called {name!r}{nearest(name, cast)}")
+            log.mistakes.add(
+                (*spot, "who"), f"no player is called {name!r}{did_you_mean(name, cast)}"
+            )
         else:
             players.append(name)
     return tuple(dict.fromkeys(players))

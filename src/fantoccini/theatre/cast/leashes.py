@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from fantoccini.base import Array, StateError, nearest
+from fantoccini.base import Array, StateError, did_you_mean
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.model import BodyMap
 from fantoccini.model.puppet import Attachment, String
@@ -35,7 +35,7 @@ def read_leashes(
         for key, who in (("held by", leash.held_by), ("to", leash.to)):
             spot: Spot = ("leashes", name, key)
             if who not in players:
-                text = f"no player is called {who!r}{nearest(who, players)}"
+                text = f"no player is called {who!r}{did_you_mean(who, players)}"
                 log.mistakes.add(spot, text)
                 continue
             try:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from fantoccini.base import Array, nearest
+from fantoccini.base import Array, did_you_mean
 from fantoccini.theatre.cast.extents import extent
 from fantoccini.theatre.cast.footing import Footing
 from fantoccini.theatre.script import DIRECTIONS, PlayerFile, PlayFile, ScriptLog, Spot
@@ -37,7 +37,7 @@ class Places:
         known = [*self._file.cast, *self.names]
         if isinstance(given, str) and given not in known:
             text = f"found {given!r}; needed: a place [x, y], or a mark, player or obstacle"
-            self._log.mistakes.add(spot, text + nearest(given, known))
+            self._log.mistakes.add(spot, text + did_you_mean(given, known))
 
     def midpoint(self, name: str) -> Array | None:
         """Midpoint (3,) of an obstacle [m]; None for other names."""
@@ -62,7 +62,7 @@ class Places:
         known = [*self._file.cast, *self.names]
         if given not in known:
             text = f"found {given!r}; needed: an angle, a direction, or a mark, player or obstacle"
-            self._log.mistakes.add(spot, text + nearest(given, [*DIRECTIONS, *known]))
+            self._log.mistakes.add(spot, text + did_you_mean(given, [*DIRECTIONS, *known]))
             return 0.0
         return given
 
@@ -75,7 +75,7 @@ def start_of(
     if isinstance(spec.at, str):
         mark = file.stage.marks.get(spec.at)
         if mark is None:
-            text = f"no mark is called {spec.at!r}{nearest(spec.at, file.stage.marks)}"
+            text = f"no mark is called {spec.at!r}{did_you_mean(spec.at, file.stage.marks)}"
             log.mistakes.add((*spot, "at"), text)
             return Footing(0.0, 0.0)
         x, y = mark.at

@@ -84,7 +84,7 @@ class Aim:
             place = np.array(to, dtype=float)
             if place.shape != (3,) or not np.all(np.isfinite(place)):
                 mistakes.add(("to",), f"found {to!r}; needed: three numbers, or the name of a body")
-        mistakes.refuse()
+        mistakes.raise_if_any()
         self.puppet, self.x0 = marionette, start
         if of or marionette.puppet.touching is not None:
             self.puppet = _without_contact(marionette, of)
@@ -114,7 +114,7 @@ class Aim:
             mistakes.add(
                 ("to",), f"is {distance:.3f} m away; needed: a place {_MIN_DISTANCE:g} m away"
             )
-        mistakes.refuse()
+        mistakes.raise_if_any()
         return offset / distance
 
 
@@ -159,7 +159,7 @@ def point(ends: Ends, aim: Aim, mistakes: Mistakes) -> Gesture:
         reason = str(error)
     if reason:
         mistakes.add(("to",), f"the {side} hand cannot point there: {reason}")
-    mistakes.refuse()
+    mistakes.raise_if_any()
     names = _channels(puppet, strings)
     offsets = {name: float(solution.state[name] - ends.start[ends.prefix + name]) for name in names}
     farthest = max(map(abs, offsets.values()))

@@ -61,12 +61,12 @@ class _Compiler:
         lanes: dict[str, Any] = {lane: (("lanes", lane), cues) for lane, cues in file.lanes.items()}
         placed = place_lanes(lanes, file.marks, gestures.of, bounds, log)
         gestures.read_all()
-        log.mistakes.refuse()
+        log.mistakes.raise_if_any()
         assert placed is not None  # otherwise there are mistakes
         captions = tuple(self._caption(placed, i) for i in range(len(file.captions)))
         waits = self._waits(placed)
         sounds = read_sounds(file.sound, partial(placed.time, log=log), log)
-        log.mistakes.refuse()
+        log.mistakes.raise_if_any()
         end = max(
             placed.hands.end,
             *(wait.t for wait in waits),
@@ -80,7 +80,7 @@ class _Compiler:
             raise log.located.error([(spot, str(error))], FileError) from None
         note_exceeded(whole, bounds, placed.played, log)
         note_moving(whole, waits, placed.played, log)
-        log.mistakes.refuse()
+        log.mistakes.raise_if_any()
         last: list[tuple[Spot, float]] = [(("marks", name), t) for name, t in placed.marks.items()]
         last += [(("captions", i), caption.end) for i, caption in enumerate(captions)]
         last += [
@@ -128,7 +128,7 @@ class _Compiler:
                 except (UnknownNameError, ValueError) as error:
                     self._log.mistakes.add(spot, str(error))
             options[key] = bound
-        self._log.mistakes.refuse()
+        self._log.mistakes.raise_if_any()
         return limits(self._table, **options)
 
     def _moving_cue(self, placed: PlacedLanes, channel: str, t: float | None = None) -> Spot:

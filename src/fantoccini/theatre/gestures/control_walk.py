@@ -43,7 +43,7 @@ def walk_on_control(
     if angle != 0.0:
         text = f"found {np.degrees(angle):g} deg; needed: 0, since a control walks straight on"
         mistakes.add(("turn",), text)
-    mistakes.refuse()
+    mistakes.raise_if_any()
     t = _STEP_TIME * np.array([0.0, 0.5, n - 0.5, n])
     distance = step * np.array([0.0, _END_SHARE, n - _END_SHARE, n])
     if n == 1:

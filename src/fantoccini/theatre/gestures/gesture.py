@@ -163,7 +163,7 @@ class Gesture:
             raise ValueError("points is empty; a gesture moves something")
         table, mistakes = reading.table_of(table), Mistakes.of_inputs()
         read = moves.read(table, points, mistakes)
-        mistakes.refuse()
+        mistakes.raise_if_any()
         return cls.of_offsets(table, read, travels=travels, name=name, marks=marks)
 
     @classmethod
@@ -284,7 +284,7 @@ class Gesture:
         mistakes = Mistakes.of_inputs()
         points = {name: [(0.0, offset)] for name, offset in by.items()}
         read = moves.read(self.coordinates, points, mistakes)
-        mistakes.refuse()
+        mistakes.raise_if_any()
         coef, places = np.array(self.coef), moves.scalar_indices(self.coordinates)
         for name, (_, offsets) in read.items():
             coef[:, places[name], 0] += offsets[0]

@@ -46,7 +46,7 @@ class Parameters:
                 ]
                 text = f"{name} has no {field.name!r}; those with it: {', '.join(others)}"
                 mistakes.add((field.name,), text)
-        mistakes.refuse()
+        mistakes.raise_if_any()
 
 
 def member_prefix(table: CoordinateTable, of: str) -> str:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fantoccini.base import Array, nearest
+from fantoccini.base import Array, did_you_mean
 from fantoccini.theatre.gestures.gesture import Gesture
 from fantoccini.theatre.gestures.joining import Line, Motion
 from fantoccini.theatre.gestures.performing import Hands, Part, Performed, Performer, Policy, Turn
@@ -137,7 +137,7 @@ def _cues(
                 cue_gestures[spot] = once, whole = own
                 if entry.mark and entry.mark not in once.marks:
                     text = f"{once.name} has no mark {entry.mark!r}"
-                    log.mistakes.add((*spot, "on"), text + nearest(entry.mark, once.marks))
+                    log.mistakes.add((*spot, "on"), text + did_you_mean(entry.mark, once.marks))
                 name, marks = entry.name or once.name, tuple(whole.marks)
             cue = Cue(spot, len(cues), 0, entry, (lane,), name, (*marks, START, END), before)
             before = (cue,)

@@ -55,7 +55,7 @@ def walk(
         InputError: the parameters have mistakes; all of them are listed.
     """
     n, step, angle = walk_parameters(ends.body_parts, mistakes, count, length, turn)
-    mistakes.refuse()
+    mistakes.raise_if_any()
     return steps(ends, [Step(step, angle / n)] * n).called("walk")
 
 

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from itertools import combinations
 
-from fantoccini.dynamics.clearance import Clearance, Path, StringsApart
+from fantoccini.dynamics.clearance import Clearance, Path, StringDistances
 from fantoccini.motion import Trajectory
 from fantoccini.theatre.cast import Cast
 from fantoccini.theatre.plays.touching import SAMPLE_STRIDE
@@ -79,27 +79,27 @@ def _body_clearances(cast: Cast, path: Path) -> Iterator[OwnerClearance]:
             continue
         nearest = clearance.least(path)
         pair = clearance.pair_at(nearest.q_D, nearest.q_K)
-        yield OwnerClearance((a, b), pair.what, pair.other, nearest.distance, nearest.t)
+        yield OwnerClearance((a, b), pair.first, pair.second, nearest.distance, nearest.t)
 
 
 def _string_clearances(cast: Cast, path: Path) -> Iterator[OwnerClearance]:
     """Distances of strings from strings and bodies of other players, and from obstacles."""
     near = (
-        StringsApart(cast.whole, own=False)
+        StringDistances(cast.whole, own=False)
         .motion(path.q_D, path.q_K, path.t)
         .nearest(MAX_STRING_DISTANCE)
     )
     for pair in (*near.strings, *near.bodies):
-        if {pair.what, pair.other} & {*cast.file.leashes}:
+        if {pair.first, pair.second} & {*cast.file.leashes}:
             continue
-        owners = cast.owner(pair.what), cast.owner(pair.other)
-        other = f"string {pair.other}" if pair in near.strings else pair.other
-        yield OwnerClearance(owners, f"string {pair.what}", other, pair.distance, pair.t)
+        owners = cast.owner(pair.first), cast.owner(pair.second)
+        other = f"string {pair.second}" if pair in near.strings else pair.second
+        yield OwnerClearance(owners, f"string {pair.first}", other, pair.distance, pair.t)
     for name, part in Clearance(cast.whole).parts().items():
         string = name.removeprefix("string ")
         if string == name or string in cast.file.leashes:
             continue
         nearest = part.least(path)
-        other = part.pair_at(nearest.q_D, nearest.q_K).other
+        other = part.pair_at(nearest.q_D, nearest.q_K).second
         owners = cast.owner(string), other
         yield OwnerClearance(owners, name, other, nearest.distance, nearest.t)

@@ -168,7 +168,7 @@ def make_round(stage: Stage, results: Results) -> Round:
             without = results.with_refusal(first, str(error))
             if without is None:
                 script.log.mistakes.add(("cast", error.stop.players[0]), str(error))
-                script.log.mistakes.refuse()
+                script.log.mistakes.raise_if_any()
                 raise
             results = without
         else:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fantoccini.base import nearest
+from fantoccini.base import did_you_mean
 from fantoccini.dynamics.compiled import moving_and_carrying
 from fantoccini.theatre.cast import Cast, Places, when_of_shot
 from fantoccini.theatre.plays.placing import Placement
@@ -49,7 +49,7 @@ def check_shots(file: PlayFile, log: ScriptLog) -> None:
             for name in shot.at:
                 if name not in known:
                     text = f"no player, prop, mark or obstacle is called {name!r}"
-                    log.mistakes.add(spot, text + nearest(name, known))
+                    log.mistakes.add(spot, text + did_you_mean(name, known))
                 elif name in still and len(shot.at) > 1:
                     text = f"found {name!r} with others; needed: players and props, or one place"
                     log.mistakes.add(spot, text)

@@ -9,7 +9,7 @@ from itertools import combinations, pairwise
 import numpy as np
 
 from fantoccini.base import MaskRows, Times
-from fantoccini.dynamics.clearance import Clearance, Path, StringMotion, StringsApart
+from fantoccini.dynamics.clearance import Clearance, Path, StringDistances, StringMotion
 from fantoccini.model.puppet import FLOOR
 from fantoccini.motion import Trajectory
 from fantoccini.theatre.cast import Cast, Meeting, Pair
@@ -74,7 +74,7 @@ def touches(
     for pair in {pair for meeting in meetings for pair in meeting.pairs}:
         if not any(cast.owner(cast.scene_name(name)) in cast.players for name in pair):
             always.add(pair)
-    string_distances = StringsApart(cast.whole, own=False)
+    string_distances = StringDistances(cast.whole, own=False)
     bodies, strings = list[_Near](), dict[Pair, Touch]()
     for begin, end, present in _windows(t, meetings):
         rules, window = _Rules(cast, present, always), slice(begin, end)
@@ -85,7 +85,7 @@ def touches(
             strings.setdefault(frozenset((touch.what, touch.other)), touch)
     all_touches = [*_merged(bodies), *strings.values()]
     for crossing in string_distances.motion(q_D, q_K, t).crossings():
-        names = f"string {crossing.what}", f"string {crossing.other}"
+        names = f"string {crossing.first}", f"string {crossing.second}"
         all_touches.append(Touch(crossing.t, *names, 0.0, crosses=True))
     leashes = {f"string {name}" for name in cast.file.leashes}
     all_touches = [touch for touch in all_touches if not {touch.what, touch.other} & leashes]
@@ -153,8 +153,8 @@ class _Rules:
         for distance in (self._clear, HANDLING_DISTANCE) if self._groups else (self._clear,):
             near = motion.nearer_than(distance)
             for pair in (*near.strings, *near.bodies):
-                what = f"string {pair.what}"
-                other = f"string {pair.other}" if pair in near.strings else pair.other
+                what = f"string {pair.first}"
+                other = f"string {pair.second}" if pair in near.strings else pair.second
                 touch = Touch(pair.t, what, other, pair.distance)
                 if not self._allowed(touch):
                     yield touch
@@ -193,7 +193,7 @@ def _near(clearance: Clearance, path: Path, clear: float) -> Iterator[_Near]:
             end = int(k) + int(np.argmin(np.append(near[k:], False)))
             worst = int(k) + int(np.argmin(distance[k:end]))
             nearest = part.pair_at(at.q_D[worst], at.q_K[worst])
-            other = nearest.other if nearest.what == name else nearest.what
+            other = nearest.second if nearest.first == name else nearest.first
             touch = Touch(float(at.t[k]), name, other, float(distance[worst]))
             yield _Near(touch, int(at.piece[k]), int(at.piece[end - 1]))
 

@@ -30,7 +30,7 @@ from fantoccini.base import (
 )
 from fantoccini.control.optimal import MPC
 from fantoccini.control.tasks import Bounds, Smooth, Task, Track
-from fantoccini.dynamics.clearance import Crossing, StringsApart
+from fantoccini.dynamics.clearance import Crossing, StringDistances
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.dynamics.simulation import simulate
 from fantoccini.motion import Input, State, Trajectory
@@ -360,7 +360,7 @@ def crossings_in(marionette: Marionette, run: Trajectory) -> tuple[Crossing, ...
     """Crossings of strings in a run."""
     k = np.unique(np.append(np.arange(0, len(run), _SAMPLE_STRIDE), len(run) - 1))
     samples = (x[k] for x in (run.q_D, run.q_K, run.t))
-    return StringsApart(marionette).motion(*samples).crossings()
+    return StringDistances(marionette).motion(*samples).crossings()
 
 
 def eased(t: Times, ease: float = _EASE_TIME) -> Times:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from heapq import heappop, heappush
 from typing import Generic, TypeVar
 
-from fantoccini.base import nearest
+from fantoccini.base import did_you_mean
 from fantoccini.theatre.script.cues import CueFile
 from fantoccini.theatre.script.log import ScriptLog
 from fantoccini.theatre.script.times import Ref, Reference, Times, circular_wait
@@ -205,7 +205,7 @@ def make_timeline(
             refs[spot] = times.read(time, spot) if other is None else other
         mark = cue.given.mark
         if mark and mark not in cue.known:
-            text = f"{cue.name} has no mark {mark!r}{nearest(mark, cue.known)}"
+            text = f"{cue.name} has no mark {mark!r}{did_you_mean(mark, cue.known)}"
             log.mistakes.add((*cue.spot, "on"), text)
     firsts = [0]
     for act in acts:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from graphlib import CycleError, TopologicalSorter
 from typing import Protocol
 
-from fantoccini.base import nearest
+from fantoccini.base import did_you_mean
 from fantoccini.base.documents import NAME, Located, shown
 from fantoccini.theatre.script.log import ScriptLog
 from fantoccini.theatre.script.values import Spot, Time
@@ -124,7 +124,7 @@ class Times:
             text = f"found {shown(given)}; needed: which moment of {name}, as in {name}."
             self._log.mistakes.add(spot, f"{text}{cue.known[0]}")
         elif moment not in cue.known:
-            text = f"{name} has no mark {moment!r}{nearest(moment, cue.known)}"
+            text = f"{name} has no mark {moment!r}{did_you_mean(moment, cue.known)}"
             self._log.mistakes.add(spot, text)
         else:
             return Reference(cue.spot, moment, offset)
@@ -149,7 +149,7 @@ class Times:
             for moment in cue.known
         ]
         text = f"found {shown(given)}; needed: a time, a mark, or a moment of a cue, with an offset"
-        self._log.mistakes.add(spot, text + nearest(name or given, [*self._marks, *moments]))
+        self._log.mistakes.add(spot, text + did_you_mean(name or given, [*self._marks, *moments]))
 
 
 def circular_wait(needs: Mapping[Spot, list[Spot]], located: Located) -> tuple[Spot, str] | None:

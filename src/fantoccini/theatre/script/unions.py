@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Union
 from pydantic import BeforeValidator, Discriminator, Tag
 from pydantic.json_schema import SkipJsonSchema
 
-from fantoccini.base.documents import mistake
+from fantoccini.base.documents import validation_error
 from fantoccini.theatre.script.cues import (
     CueFile,
     PlayCue,
@@ -80,10 +80,10 @@ class _ByVerb:
         known = {key for keys in self._keys.values() for key in keys}
         if len(verbs) > 1:
             both = " and ".join(f"`{verb}`" for verb in verbs)
-            raise mistake(f"found both {both}; needed: one of {self._needed}")
+            raise validation_error(f"found both {both}; needed: one of {self._needed}")
         if not verbs:
             if keys_present <= known:
-                raise mistake(f"found {self._no_verb}; needed: one of {self._needed}")
+                raise validation_error(f"found {self._no_verb}; needed: one of {self._needed}")
             return {key: value for key, value in data.items() if spelled(str(key)) not in known}
         cue = self._cues[verbs[0]]
         allowed = self._keys[cue]
@@ -93,11 +93,11 @@ class _ByVerb:
         for key in sorted(spelled(key) for key, value in foreign.items() if value is not None):
             keys_rule = next(keys[key] for keys in self._keys.values() if key in keys)
             sentence = cue.other_keys_rule or keys_rule.format(key=key)
-            raise mistake(f"found `{verbs[0]}` with `{key}`; {sentence}")
+            raise validation_error(f"found `{verbs[0]}` with `{key}`; {sentence}")
         for key, sentence in allowed.items():
             needed = cue.model_fields[key.replace(" ", "_")].is_required()
             if needed and sentence and key not in keys_present | {*verbs}:
-                raise mistake(f"found no `{key}`; {sentence}")
+                raise validation_error(f"found no `{key}`; {sentence}")
         return {key: value for key, value in data.items() if key not in foreign}
 
     def _verbs(self, data: dict[Any, Any]) -> list[str]:

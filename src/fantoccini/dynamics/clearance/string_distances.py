@@ -1,4 +1,4 @@
-"""StringsApart: distances of strings from one another and from bodies, along a motion."""
+"""StringDistances: distances of strings from one another and from bodies, along a motion."""
 
 from __future__ import annotations
 
@@ -40,15 +40,15 @@ class Approach:
     """A string near another string or a body.
 
     Attributes:
-        what: name of the string.
-        other: name of the other string, or of the body.
+        first: name of the string.
+        second: name of the other string, or of the body.
         distance: distance of their surfaces [m]; negative for overlaps of any depth.
         t: time [s].
         place: (3,) nearest point of the string's axis [m].
     """
 
-    what: str
-    other: str
+    first: str
+    second: str
     distance: float
     t: float
     place: tuple[float, float, float]
@@ -56,9 +56,8 @@ class Approach:
     def __str__(self) -> str:
         coordinates = ", ".join(f"{x:.3g}" for x in self.place)
         distance = f"{abs(self.distance):.3g} m {'from' if self.distance > 0.0 else 'inside'}"
-        return (
-            f"string {self.what} is {distance} {self.other} at t = {self.t:.4g} s, ({coordinates})"
-        )
+        pair = f"string {self.first} is {distance} {self.second}"
+        return f"{pair} at t = {self.t:.4g} s, ({coordinates})"
 
 
 @dataclass(frozen=True)
@@ -76,7 +75,7 @@ class Approaches:
     own: tuple[Approach, ...]
 
 
-class StringsApart:
+class StringDistances:
     """Distances of a puppet's or scene's strings from one another and from bodies, and crossings.
 
         d = min |x - y| - radii,   x on a string, y on another string or on the core of a body
@@ -319,8 +318,8 @@ class StringMotion:
         for n in np.argsort(rank, kind="stable"):
             group = pairs.group[pair[n]]
             x, y, z = place[n].tolist()
-            what, other = self.pairs.names[group]
-            approach = Approach(what, other, float(distance[n]), float(t[n]), (x, y, z))
+            first, second = self.pairs.names[group]
+            approach = Approach(first, second, float(distance[n]), float(t[n]), (x, y, z))
             approaches[self.pairs.kinds[group]].append(approach)
         return Approaches(*(tuple(approach) for approach in approaches.values()))
 
