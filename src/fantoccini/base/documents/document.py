@@ -26,8 +26,9 @@ The fields of the subclass are the keys of the file::
 
 A check of a value raises ``validation_error(text)``; one of a part or of the whole file lists
 mistakes at keys below it with ``raise_if_any``. An error lists every mistake as ``file:line:
-key.path: found, allowed, nearest name``. Checks that need more than the file (a compiled puppet, other files) come
-after it: :class:`Mistakes` runs them with ``document.located``, which has the lines and the folder.
+key.path: found, allowed, nearest name``. Checks that need more than the file (a compiled puppet,
+other files) come after it: :class:`Mistakes` runs them with ``document.located``, which has the
+lines and the folder.
 '''
 
 from __future__ import annotations

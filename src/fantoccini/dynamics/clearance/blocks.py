@@ -3,9 +3,9 @@
 In a block no point of a core is farther from its place at the middle sample c than the length of
 its path, so that
 
-    d(t) >= d(c) - path_i - path_j,   d(c) >= chords(c) - stray_i - stray_j
+    d(t) >= d(c) - path_i - path_j,   d(c) >= chords(c) - sag_i - sag_j
 
-with stray the largest distance of a slack string from its chord. Blocks in which this bound is
+with sag the largest distance of a slack string from its chord. Blocks in which this bound is
 large are finished; the others are cut into smaller ones, down to steps between samples.
 """
 

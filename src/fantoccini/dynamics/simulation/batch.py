@@ -148,7 +148,7 @@ def simulate_batch(
     check_starts(marionette, states, name, p)
     check_steps(marionette, name, states, p, options.dt)
     if threads is not None:
-        threads = checked_integer("threads", threads, low=1)
+        threads = checked_integer("threads", threads, minimum=1)
     saved_names = _saved(marionette, save)
     runtime_parts = _runtime_parts(saved_names)
     _check_memory(marionette, name, options, runtime_parts, n, t, t_end, save_at, out or {})

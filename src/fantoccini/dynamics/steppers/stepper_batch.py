@@ -86,14 +86,14 @@ class StepperBatch:
         counts = {"states": len(states), "values of parameters": len(p)}
         if n is None:
             n = max(counts.values())
-        n = checked_integer("n", n, low=1)
+        n = checked_integer("n", n, minimum=1)
         for quantity, count in counts.items():
             if count not in (1, n):
                 raise StateError(f"found {count} {quantity} for {n} runs; give one, or {n}")
         self.marionette, self.method, self._n = marionette, method_options.name, n
         options = marionette.run_options(**method_options.options)
         threads = (
-            default_threads() if threads is None else checked_integer("threads", threads, low=1)
+            default_threads() if threads is None else checked_integer("threads", threads, minimum=1)
         )
         self.t = np.zeros(n)
         self._record = record = LaneRecord(n, marionette.tree.sizes)
