@@ -181,7 +181,7 @@ class Touches:
             a, b = (*names, *names)[:2]
             if not self._is_foreign(a, b):
                 continue
-            force = float(np.sum(end.of(a, b).normal_force))
+            force = float(np.sum(end.involving(a, b).normal_force))
             t = float(run.t[0]) if event is None else event.t
             speed = 0.0 if event is None else event.speed or self._speed(run, names, event.t)
             parts = (a, b) if a in self._bodies else (b, a)
