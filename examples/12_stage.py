@@ -54,7 +54,7 @@ def main() -> None:
     run.save(OUT / "stage.npz")
     strip(stage, run, OUT / "stage.png", n=6, times="even", focus="bodies")
     whole = run.contact.force_on("crate", len(run))[-1]
-    from_floor = run.contact.of("crate", "floor").at(len(run) - 1).force.sum(axis=0)
+    from_floor = run.contact.involving("crate", "floor").at_sample(len(run) - 1).force.sum(axis=0)
     touches = [event for event in run.events if event.kind == "touch"]
     print(f"{len(touches)} touches; the deepest overlap was {-run.contact.gap.min():.1e} m")
     print(f"at the end the puppet presses on the crate with {(from_floor - whole)[2]:.2f} N")

@@ -107,7 +107,7 @@ def test_times_and_numbers_beyond_floats_are_refused_by_name(tmp_path):
         lambda x: stepper.advance(0.1, [x, *zeros[1:]]),
         lift.extended,
         lift.shifted,
-        lambda x: lift.begun(-x),
+        lambda x: lift.with_rest_before(-x),
         lambda x: lift.with_forces({"elbow": [(x, 0.0)]}),
         lambda x: fan.Input.waypoints(arm, {"hand.length": [(0, 0.8), (x, 0.7)]}),
         lambda x: fan.Input.samples(arm, [0, x], {"hand.length": [0.8, 0.7]}),

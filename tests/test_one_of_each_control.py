@@ -113,7 +113,11 @@ def test_one_newton_method_ends_the_searches_for_rests():
         for node in ast.walk(function)
         if isinstance(node, ast.Call) and ast.unparse(node.func) == "newton"
     }
-    assert using == {"descent.py: descended", "newton.py: as_asked", "relaxation.py: relaxed"}
+    assert using == {
+        "descent.py: descended",
+        "newton.py: nearest_to_requested",
+        "relaxation.py: relaxed",
+    }
 
 
 def test_all_searches_for_equilibria_end_in_one_function():

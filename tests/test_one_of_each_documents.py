@@ -28,12 +28,12 @@ from fantoccini.base.documents import (
     Model,
     Positive,
     document_schema,
-    mistake,
     parse_document,
     quantity_schema,
+    raise_if_any,
     read_document,
-    refuse,
     valid_parts,
+    validation_error,
     without_unit,
 )
 
@@ -85,7 +85,7 @@ def test_mistakes_are_collected_by_one_class():
     }
     assert collectors == {"base/documents/mistakes.py"}
     mistakes = Mistakes(Located(file="a.yaml", lines={("b",): 7}))
-    mistakes.refuse()
+    mistakes.raise_if_any()
     mistakes.add(("b", 0), "wrong")
     assert mistakes(("c",), lambda: float("x")) is None and mistakes(("c",), lambda: 3) == 3
     with pytest.raises(FileError, match=r"a\.yaml:7: b\[0\]: wrong") as error:
@@ -144,7 +144,9 @@ class Part(Model):
     @field_validator("below")
     @classmethod
     def _differ(cls, below: tuple[Part, ...]) -> tuple[Part, ...]:
-        refuse(((i, "size"), "twice") for i in range(1, len(below)) if below[i] == below[i - 1])
+        raise_if_any(
+            ((i, "size"), "twice") for i in range(1, len(below)) if below[i] == below[i - 1]
+        )
         return below
 
 
@@ -195,7 +197,7 @@ def test_the_valid_parts_of_data_with_mistakes_can_be_checked():
 
 
 def test_refuse_does_nothing_without_mistakes():
-    refuse([])
+    raise_if_any([])
     with pytest.raises(ValidationError):
-        refuse([((), "wrong")])
-    assert mistake("wrong").message() == "wrong"
+        raise_if_any([((), "wrong")])
+    assert validation_error("wrong").message() == "wrong"

@@ -148,7 +148,7 @@ def kinematic_inputs(
         ahead = _leader(string, feed_forward, marionette) if string.name in hands else None
         smooth_path, widths[string.name] = _bounded_paths(values, ahead, times, speed, acceleration)
         columns.update(zip(names, smooth_path.T, strict=True))
-    inputs = Input.samples(marionette, start.t + times, columns).called(retargeted.clip.name)
+    inputs = Input.samples(marionette, start.t + times, columns).with_name(retargeted.clip.name)
     return KinematicMotion(retargeted, at, q_D, errors, inputs, widths, t)
 
 

@@ -54,7 +54,9 @@ class Rule:
     def __init__(self, puppet: fan.Marionette, x: fan.State, stages: int):
         equations, n = puppet.equations, len(x.q_D)
         self.n, self.stages = n, stages
-        taut = np.flatnonzero(np.abs(Evaluation.of(puppet, x).h[: len(puppet.tree.strings)]) < 1e-9)
+        taut = np.flatnonzero(
+            np.abs(Evaluation.at_state(puppet, x).h[: len(puppet.tree.strings)]) < 1e-9
+        )
         self.m = len(taut)
         q, q_mid, q_next, p = (ca.SX.sym(name, n) for name in ("q", "q_mid", "q_next", "p"))
         first, second, dt = ca.SX.sym("first", self.m), ca.SX.sym("second", self.m), ca.SX.sym("dt")
@@ -116,9 +118,9 @@ def measure_rules() -> tuple[Table, Table]:
     puppet = fan.loads(CHAIN)
     x = puppet.rest()
     push = x.replace(v_D=np.array([0.5, 2.0, -1.5]))
-    at = Evaluation.of(puppet, push)
-    W = at.W[:, :1]
-    v_D = push.v_D - at.solve_factor(W @ np.linalg.solve(W.T @ W, at.hdot[:1]))
+    evaluation = Evaluation.at_state(puppet, push)
+    W = evaluation.W[:, :1]
+    v_D = push.v_D - evaluation.solve_factor(W @ np.linalg.solve(W.T @ W, evaluation.hdot[:1]))
     x = push.replace(v_D=v_D)
     exact = fan.simulate(puppet, x, t_end=SECONDS, method=fan.Event(rtol=1e-13, atol=1e-13))
     if exact.events:

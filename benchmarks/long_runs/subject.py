@@ -52,7 +52,7 @@ def taut_rest() -> State:
     """The marionette at rest with its knees lifted until all strings pull."""
     rest = damped().rest()
     lengths = dict(zip(damped().coordinates.q_K, rest.q_K, strict=True))
-    gap = dict(zip(damped().tree.row_names, Evaluation.of(damped(), rest).h, strict=False))
+    gap = dict(zip(damped().tree.row_names, Evaluation.at_state(damped(), rest).h, strict=False))
     for side in ("left", "right"):
         lengths[f"knee_{side}.length"] += gap[f"knee_{side}"] - 0.004
     return damped().rest(lengths)
@@ -61,10 +61,12 @@ def taut_rest() -> State:
 def swinging_state(puppet: fan.Marionette, rest: State, v_D: np.ndarray) -> State:
     """A state at rest with the velocity v_D, less its components along taut strings."""
     x = rest.replace(v_D=v_D)
-    at = Evaluation.of(puppet, x)
-    taut = np.flatnonzero(np.abs(at.h) < 1e-9)
-    W = at.W[:, taut]
-    return x.replace(v_D=v_D - at.solve_factor(W @ np.linalg.solve(W.T @ W, at.hdot[taut])))
+    evaluation = Evaluation.at_state(puppet, x)
+    taut = np.flatnonzero(np.abs(evaluation.h) < 1e-9)
+    W = evaluation.W[:, taut]
+    return x.replace(
+        v_D=v_D - evaluation.solve_factor(W @ np.linalg.solve(W.T @ W, evaluation.hdot[taut]))
+    )
 
 
 def random_swing(amplitude: float) -> State:

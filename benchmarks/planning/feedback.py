@@ -113,7 +113,7 @@ def follow(law: Feedback, x0: State, closed: bool) -> ClosedLoopRollout:
     """A plan in MuJoCo, check by check; the law is evaluated once per segment."""
     problem, interval = law.plan.problem, law.plan.rollouts.options.interval
     puppet, states, commanded = MuJoCoPuppet(problem.marionette, STEP), [x0], []
-    puppet.put(x0.q_D, x0.v_D)
+    puppet.set_dynamic(x0.q_D, x0.v_D)
     for k, n_checks in enumerate(law.n_checks):
         commanded.append(law.acceleration(k, states[-1]) if closed else law.planned_acceleration[k])
         for _ in range(n_checks):
@@ -132,7 +132,7 @@ def advance_state(puppet: MuJoCoPuppet, x: State, duration: float, acc_K: Array)
         duration: duration, a multiple of the step [s].
         acc_K: (n_vK,) [m/s^2].
     """
-    puppet.drive(x.q_K, x.v_K, acc_K)
+    puppet.set_driven(x.q_K, x.v_K, acc_K)
     for _ in range(round(duration / STEP)):
         puppet.evaluate()
         puppet.step()

@@ -106,7 +106,7 @@ def follow_and_stop(law: Feedback, x0: State, closed: bool) -> Run:
     last = followed.states[-1]
     x = x0.replace(t=float(followed.t[-1]), **last.parts)
     puppet = MuJoCoPuppet(problem.marionette, STEP)
-    puppet.put(x.q_D, x.v_D)
+    puppet.set_dynamic(x.q_D, x.v_D)
     bound = problem.bounds.acceleration
     for _ in range(round(LATER / INTERVAL)):
         x = advance_state(puppet, x, INTERVAL, np.clip(-x.v_K / INTERVAL, -bound, bound))
@@ -118,7 +118,7 @@ def follow_mpc(law: Feedback, x0: State) -> Run:
     problem, interval = law.plan.problem, law.plan.rollouts.options.interval
     mpc = fan.MPC(problem.marionette, following_task(law), HORIZON, round(HORIZON / INTERVAL))
     puppet, states, commanded, x = MuJoCoPuppet(problem.marionette, STEP), [x0], [], x0
-    puppet.put(x0.q_D, x0.v_D)
+    puppet.set_dynamic(x0.q_D, x0.v_D)
     end = x0.t + interval * int(np.sum(law.n_checks))
     while x.t < end - 1e-9:
         commanded.append(mpc.step(x))

@@ -128,9 +128,9 @@ class MuJoCoPropagator:
         [m/s^2]."""
         puppet, rollouts, t = self.puppet, self.rollouts, self.rollouts.options.interval
         q_D, v_D, q_K, v_K = (row[part] for part in self.parts)
-        puppet.put(q_D, v_D)
+        puppet.set_dynamic(q_D, v_D)
         # An Euler step uses its last velocity throughout: that in its middle is exact.
-        puppet.drive(q_K, v_K - 0.5 * rollouts.options.dt * acc_K, acc_K)
+        puppet.set_driven(q_K, v_K - 0.5 * rollouts.options.dt * acc_K, acc_K)
         self._warm[:] = 0.0
         self._step(puppet.model, puppet.data, rollouts.options.steps_per_check)
         if not rollouts.slack and (self._lengths[puppet.strings] < self._slack).any():

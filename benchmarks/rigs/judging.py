@@ -124,10 +124,10 @@ def walk(stage: fan.Marionette, body_parts: BodyParts, gait: Gait) -> tuple[floa
     cycle = ((run.t - run.t[0]) / (2.0 * gait.step_time)).astype(int)
     slide, force = 0.0, 0.0
     for limb in (limb for limb in body_parts.body_map.limbs if limb.kind == "leg"):
-        points = run.contact.of(limb.bodies[-1])
+        points = run.contact.involving(limb.bodies[-1])
         touching = points.normal_force > _MIN_FORCE * stage.weight
         speed = np.zeros(len(run.t))
-        np.maximum.at(speed, points.sample[touching], points.sliding[touching])
+        np.maximum.at(speed, points.sample[touching], points.sliding_speed[touching])
         own = np.bincount(cycle[:-1], speed[:-1] * np.diff(run.t))
         slide = max(slide, float(own[2:].max()))  # after the preparation
         force += float(points.normal_force.sum() / len(run.t) / stage.weight)

@@ -94,8 +94,10 @@ def toss(mechanism: Mechanism, x0: State, inputs: Input) -> Reference | None:
     None if nothing catches, for example without gravity or strings.
     """
     mixed = mechanism.mixed
-    at = Evaluation.of(mixed, x0)
-    thrown = x0.replace(v_D=-_MOVES.rise_time * mechanism.time_scale * at.solve_factor(at.w0))
+    evaluation = Evaluation.at_state(mixed, x0)
+    thrown = x0.replace(
+        v_D=-_MOVES.rise_time * mechanism.time_scale * evaluation.solve_factor(evaluation.w0)
+    )
     try:
         motion = simulate_reference(mechanism, mixed.project(thrown), inputs)
     except SimulationError:

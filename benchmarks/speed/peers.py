@@ -172,7 +172,7 @@ def _acceleration_difference(peer) -> float:
         for q, _ in puppet.coordinates.quaternions_D:
             q_D[q : q + 4] /= np.linalg.norm(q_D[q : q + 4])
         x = rest.replace(q_D=q_D, v_D=rng.normal(size=len(rest.v_D)))
-        instant = Evaluation.of(puppet, x)
+        instant = Evaluation.at_state(puppet, x)
         ours = instant.solve_factor(instant.w0)
         worst = max(
             worst,

@@ -160,20 +160,20 @@ def eigenvalues(puppet: Marionette, x: State) -> tuple[float, float]:
 
     In coordinates in which M_DD is 1, and orthogonal to taut strings; 0 is left out.
     """
-    at = Evaluation.of(puppet, x)
+    evaluation = Evaluation.at_state(puppet, x)
     n = len(x.v_D)
     _, tension = puppet.forward_dynamics(x)
     rows = np.flatnonzero(tension > 0)
-    W, tau = at.W[:, rows], tension[rows]
-    moves = at.solve_factor(np.eye(n))
+    W, tau = evaluation.W[:, rows], tension[rows]
+    moves = evaluation.solve_factor(np.eye(n))
     stiff, damped = np.zeros((n, n)), np.zeros((n, n))
     for k, move in enumerate(moves):
         for sign in (1, -1):
             size = sign * _MOVE / max(1.0, float(np.max(np.abs(move))))
             q_D = retract(puppet, x.q_D, size * move)
-            there = Evaluation.of(puppet, x.replace(q_D=q_D))
+            there = Evaluation.at_state(puppet, x.replace(q_D=q_D))
             stiff[:, k] += 0.5 * (there.w0 - there.W[:, rows] @ tau) / size
-            moving = Evaluation.of(puppet, x.replace(v_D=size * move))
+            moving = Evaluation.at_state(puppet, x.replace(v_D=size * move))
             damped[:, k] += 0.5 * moving.w0 / size
     free = np.linalg.svd(W.T)[2][len(rows) :].T if len(rows) else np.eye(n)
     m = free.shape[1]

@@ -110,7 +110,7 @@ def test_a_folder_of_another_user_is_refused(cache, key, source, monkeypatch):
     os.chown(cache, 12345, -1) if os.geteuid() == 0 else monkeypatch.setattr(
         folders.os, "geteuid", lambda: 12345
     )
-    assert "another user" in folders.distrust(cache)
+    assert "another user" in folders.reason_for_distrust(cache)
 
 
 @pytest.mark.parametrize("mode", [0o777, 0o770, 0o1777])

@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from clearance.balls import balls, carried, smooth
-from fantoccini.dynamics.clearance import StringMotion, StringsApart
+from fantoccini.dynamics.clearance import StringDistances, StringMotion
 
 pytestmark = pytest.mark.medium
 
@@ -16,7 +16,7 @@ def watched(t, low, high) -> StringMotion:
     """Strings between low and high (T, n, 3)."""
     marionette = balls(np.shape(low)[1])
     q = carried(marionette, np.asarray(low, dtype=float), np.asarray(high, dtype=float))
-    return StringsApart(marionette).motion(*q, t)
+    return StringDistances(marionette).motion(*q, t)
 
 
 def test_a_passage_between_two_samples_is_found():
@@ -27,7 +27,7 @@ def test_a_passage_between_two_samples_is_found():
     (approach,) = motion.nearest(0.09).strings
     assert approach.t == pytest.approx(3.05, abs=1e-4) and approach.distance < 1e-6
     (crossing,) = motion.crossings()
-    assert (crossing.what, crossing.other) == ("s0", "s1")
+    assert (crossing.first, crossing.second) == ("s0", "s1")
     assert crossing.t == pytest.approx(3.05)
     assert_allclose(crossing.place, [0, 0.01, 0.5], atol=1e-9)
     assert str(crossing).startswith("string s0 crosses s1 at t = 3.05 s")
@@ -139,20 +139,20 @@ def test_windings_and_crossings_agree(seed):
     low, high = 0.3 * smooth(rng, t, (4, 3)), 0.3 * smooth(rng, t, (4, 3))
     high[..., 2] += 1.0
     motion = watched(t, low, high)
-    added = {frozenset((w.what, w.other)): 0 for w in motion.windings()}
+    added = {frozenset((w.first, w.second)): 0 for w in motion.windings()}
     assert len(added) == 6
     crossings = motion.crossings()
     assert len(crossings) > 5
     assert list(crossings) == sorted(crossings, key=lambda c: c.t)
     for crossing in crossings:
-        added[frozenset((crossing.what, crossing.other))] += crossing.turn
+        added[frozenset((crossing.first, crossing.second))] += crossing.turn
         k = np.searchsorted(t, crossing.t) - 1
         s = (crossing.t - t[k]) / (t[k + 1] - t[k])
-        i = int(crossing.other[1:])
+        i = int(crossing.second[1:])
         b0, b1 = ((1 - s) * x[k, i] + s * x[k + 1, i] for x in (low, high))
         off = np.cross(b1 - b0, np.array(crossing.place) - b0) / np.linalg.norm(b1 - b0)
         assert np.linalg.norm(off) < 1e-7
     for winding in motion.windings():
-        expected = added[frozenset((winding.what, winding.other))]
+        expected = added[frozenset((winding.first, winding.second))]
         assert_allclose(winding.turns[-1] - winding.seen[-1], expected, atol=1e-9)
         assert np.all(np.abs(winding.seen) <= 0.5)

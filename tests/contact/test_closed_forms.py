@@ -114,7 +114,7 @@ def test_a_ladder_leaves_the_wall_at_two_thirds_of_its_height():
     heights = []
     for dt in STEPS:
         run = stepped(marionette, x0, 0.75, dt)
-        touching = run.contact.of("rod", "wall").sample
+        touching = run.contact.involving("rod", "wall").sample
         last = touching.max()
         assert set(np.diff(touching)) == {1}
         heights.append(run["rod.z"][last] - 0.001)
@@ -151,7 +151,7 @@ bodies:
     angles = []
     for dt in STEPS[1:]:
         run = stepped(marionette, x0, 2.4, dt)
-        sliding = run.contact.sliding > 1e-6
+        sliding = run.contact.sliding_speed > 1e-6
         first = run.contact.sample[np.argmax(sliding)]
         angles.append(2 * np.arcsin(run["rod.qy"][first]))
     assert abs(angles[-1] - classical) < 0.02

@@ -101,7 +101,7 @@ def test_a_step_of_a_lane_is_that_of_a_single_run(stage):
         lanes = stepped(stage, starts, 1)
         for i, x in enumerate(starts):
             single = fan.simulate(stage, x, t_end=DT, method=method)
-            contact = single.contact.at(len(single) - 1)
+            contact = single.contact.at_sample(len(single) - 1)
             touched += len(contact) > 3
             shared = np.sum(np.linalg.norm(contact.velocity, axis=1) > 1e-5) > 1
             exact += not shared

@@ -8,7 +8,7 @@ import pytest
 import fantoccini as fan
 from contact.bodies import G, on_slope, thrown
 from contact.files import BALL, BALLS, BOX, EGG
-from fantoccini.dynamics.derivatives.contact_state import resting
+from fantoccini.dynamics.derivatives.contact_state import motion_with_contact
 from oracles.differences import difference, moved, worst
 
 pytestmark = [pytest.mark.slow, pytest.mark.own_puppets]
@@ -20,7 +20,7 @@ def check(puppet: fan.Marionette, x: fan.State, modes: list[str], bound: float) 
     acc_K, u_D = np.zeros(t.n_vK), np.zeros(t.n_vD)
     lin = puppet.linearise(x)
     assert [point.mode for point in lin.contacts] == modes and lin.differentiable
-    run = resting(puppet, x, acc_K, u_D)
+    run = motion_with_contact(puppet, x, acc_K, u_D)
     forces = [point.force for point in run.contacts.points]
     assert worst(lin.acc_D, run.acc_D) < 1e-8
     assert worst(np.array([point.force for point in lin.contacts]), np.array(forces)) < 1e-8
@@ -34,7 +34,7 @@ def check(puppet: fan.Marionette, x: fan.State, modes: list[str], bound: float) 
         return np.concatenate([changed.acc_D, *(point.force for point in changed.contacts)])
 
     for name in ("q_D", "v_D", "u_D"):
-        derivative = np.concatenate([getattr(lin.acc, name), getattr(lin.push, name)])
+        derivative = np.concatenate([getattr(lin.acc, name), getattr(lin.force_partials, name)])
         key = name.removesuffix("_D") if name == "u_D" else name
         expected = difference(lambda d, key=key: at(**{key: d}), t.n_vD, 1e-4)
         assert worst(derivative, expected) < bound, name

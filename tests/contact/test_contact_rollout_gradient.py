@@ -196,7 +196,7 @@ def test_a_sweep_is_the_product_of_all_steps():
     assert set(run.n_contacts) == {0, 1}
     check_products(Case.of(stack, stack.state({"a.z": 0.05, "b.z": 0.15}), 10))
     run = check_products(acrobat(7))
-    assert set(run.n_contacts) == {0, 1} and run.held.any()
+    assert set(run.n_contacts) == {0, 1} and run.active.any()
 
 
 def test_gradients_agree_with_differences_of_rollouts():
@@ -225,7 +225,7 @@ def test_differences_on_a_tray_and_a_rope_that_catches(seed, slack, slides):
     run = check_differences(acrobat(seed, 20, slack), steps)
     assert run.n_sliding.sum() == slides
     assert run.n_contacts[0] == 1 and run.n_contacts[-1] == 0
-    assert slack == 0.0 or (not run.held[0, 0] and run.held[-1, 0])
+    assert slack == 0.0 or (not run.active[0, 0] and run.active[-1, 0])
 
 
 def test_the_bundled_marionette_on_its_feet():
@@ -236,7 +236,7 @@ def test_the_bundled_marionette_on_its_feet():
     steps = Steps(q_D=1e-7, v_D=3e-5, q_K=3e-8, v_K=2e-5, acc_K=1e-3, u_D=1e-5, p=1e-5)
     run = check_differences(Case.of(puppet, x, 40, 4), steps)
     assert len(set(run.n_contacts)) > 2 and run.n_sliding.any()
-    assert len({tuple(row) for row in run.held}) > 1
+    assert len({tuple(row) for row in run.active}) > 1
 
 
 def test_the_rollout_is_that_of_the_stepper():

@@ -73,18 +73,18 @@ def test_forces_of_contact_carry_the_weight_and_obey_the_cone(box):
     assert contact.names == (("body", "floor"),)
     normal = contact.normal_force
     across = np.linalg.norm(contact.force - normal[:, None] * contact.normal, axis=1)
-    slides = contact.sliding > 1e-6
+    slides = contact.sliding_speed > 1e-6
     assert np.allclose(across[slides], 0.4 * normal[slides], rtol=1e-6)
     assert np.all(across <= 0.4 * normal + 1e-9)
     force = contact.force_on("body", len(run))
     assert np.allclose(force[5:, 2], G * np.cos(0.2), atol=1e-6)
     assert np.all(contact.gap > -1e-9)
     assert np.all(np.einsum("ij,ij->i", contact.force, contact.velocity)[slides] < 0.0)
-    last = contact.at(len(run) - 1)
+    last = contact.at_sample(len(run) - 1)
     assert len(last) == 4
     assert np.allclose(last.point[:, 2], 0.0, atol=1e-9)
     with pytest.raises(fan.errors.UnknownNameError, match="flor"):
-        contact.of("flor")
+        contact.involving("flor")
 
 
 def test_contact_is_saved_resampled_and_reported_as_events(box, tmp_path):
@@ -97,8 +97,8 @@ def test_contact_is_saved_resampled_and_reported_as_events(box, tmp_path):
         assert np.array_equal(getattr(loaded.contact, name), getattr(run.contact, name))
     assert loaded.contact.names == run.contact.names
     resampled = run.resample(run.t[100:200:10])
-    assert len(resampled.contact.at(3)) == len(run.contact.at(130))
-    assert np.array_equal(resampled.contact.at(3).force, run.contact.at(130).force)
+    assert len(resampled.contact.at_sample(3)) == len(run.contact.at_sample(130))
+    assert np.array_equal(resampled.contact.at_sample(3).force, run.contact.at_sample(130).force)
 
 
 def test_a_damaged_file_of_contact_is_refused(box, tmp_path):
@@ -221,7 +221,7 @@ pose: {a.x: -0.05, b.x: 0.05}
         }
     )
     run = stepped(pair, pair.project(x0), 0.7, 2.5e-4)
-    i = next(k for k, t in enumerate(run.t) if run.contact.at(k) and t > 0)
+    i = next(k for k, t in enumerate(run.t) if run.contact.at_sample(k) and t > 0)
     m = np.array([1.0, 0.4])
     before, after = (m @ [run["v:a.x"][k], run["v:b.x"][k]] for k in (i - 2, i + 4))
     assert before > 0.3

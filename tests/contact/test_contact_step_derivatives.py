@@ -97,7 +97,9 @@ def check_step(
         assert worst(derivative, expected[: len(derivative)]) < bound, name
         if len(set(modes)) == len(modes):
             # Redundant points may share their forces differently for neighbouring states.
-            assert worst(getattr(lin.push, name), expected[len(derivative) :]) < 10 * bound, name
+            assert (
+                worst(getattr(lin.force_partials, name), expected[len(derivative) :]) < 10 * bound
+            ), name
     return lin
 
 
@@ -107,7 +109,7 @@ def check_compiled(
     """The compiled linearise_steps gives the derivatives of linearise_step; all steps settle."""
     x, t = lin.x, puppet.coordinates
     steps = puppet.linearise_steps(
-        x.q_D, x.v_D, x.q_K, x.v_K, acc_K, u_D, dt=lin.dt, forces=True, pull=True
+        x.q_D, x.v_D, x.q_K, x.v_K, acc_K, u_D, dt=lin.dt, forces=True, tension_partials=True
     )
     assert steps.settled.all()
     assert steps.n_contacts.tolist() == [len(lin.contacts)]
@@ -120,8 +122,8 @@ def check_compiled(
     assert worst(derivatives, expected) < 1e-9
     more = np.concatenate([lin.B_u, lin.B_p], axis=1)[: 2 * n]
     assert worst(steps.motion[0][:, 2 * n + 3 * k :], more) < 1e-9
-    pull = np.concatenate(list(vars(lin.pull).values()), axis=1)
-    assert worst(steps.pull[0], pull) < 1e-9
+    pull = np.concatenate(list(vars(lin.tension_partials).values()), axis=1)
+    assert worst(steps.tension_partials[0], pull) < 1e-9
 
 
 @pytest.fixture(scope="module")
@@ -248,7 +250,7 @@ def test_balls_that_strike_one_another(balls):
     check_step(balls, on_floor, ["stick", "stick"])
     in_air = thrown(balls, above | {"a.z": 1.1, "b.z": 1.1 + 0.17 * 0.8}, speed)
     lin = check_step(balls, in_air, ["stick"])
-    assert lin.contacts[0].bounces == 0.5
+    assert lin.contacts[0].restitution == 0.5
 
 
 def test_separating_overlaps(balls):
@@ -321,7 +323,10 @@ def test_a_decelerated_landing_closes_its_gap():
     x = thrown(ball, {"body.z": 0.0705}, {"body.x": 0.5, "body.z": -1.0, "body.wy": 2.0})
     lin = check_step(ball, x, ["stick"])
     assert lin.contacts[0].touch.gap == pytest.approx(0.0005)
-    assert lin.contacts[0].closes == pytest.approx(1.0 / DT) and lin.contacts[0].bounces == 0.0
+    assert (
+        lin.contacts[0].closing_rate == pytest.approx(1.0 / DT)
+        and lin.contacts[0].restitution == 0.0
+    )
 
 
 def test_a_gap_that_closes_within_the_step(ball):

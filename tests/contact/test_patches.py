@@ -85,7 +85,7 @@ def test_a_box_pressed_off_its_middle_on_a_slope_is_held_as_a_patch():
     force = block.state(place)
     run = fan.simulate(block, force, t_end=0.4, method=fan.TimeStepping(dt=DT))
     weight = 3.0 * np.array([-3.1, -1.2, 9.2])
-    assert np.allclose(run.contact.at(len(run) - 1).force.sum(axis=0), weight, atol=1e-9)
+    assert np.allclose(run.contact.at_sample(len(run) - 1).force.sum(axis=0), weight, atol=1e-9)
 
 
 @pytest.mark.parametrize(

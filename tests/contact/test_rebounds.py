@@ -229,7 +229,7 @@ bodies:
         run = stepped(ball, x0, 0.004, 2e-3)
         assert run.status is Status.DONE
         assert run["ball.z"][1] == pytest.approx(0.05, abs=1e-12)
-        assert run.contact.at(1).gap == pytest.approx([0.0], abs=1e-12)
+        assert run.contact.at_sample(1).gap == pytest.approx([0.0], abs=1e-12)
 
 
 SIDES = """

@@ -19,11 +19,11 @@ def test_a_box_on_four_corners_has_four_equal_forces():
     x0 = block.state({"body.z": 0.05, "body.rotation": (0.9, 0.0, 0.0, 0.4359)})
     run = stepped(block, x0, 0.2, DT)
     for k in (1, 50, 200):
-        corners = run.contact.at(k)
+        corners = run.contact.at_sample(k)
         assert len(corners) == 4
         assert np.allclose(corners.force, [0.0, 0.0, G / 4], atol=1e-6)
     slope = on_slope(0.3, 0.6)
-    corners = stepped(slope, slope.state({"body.z": 0.05}), 0.2, DT).contact.at(150)
+    corners = stepped(slope, slope.state({"body.z": 0.05}), 0.2, DT).contact.at_sample(150)
     force = np.array([-G * np.sin(0.3), 0.0, G * np.cos(0.3)])
     assert np.allclose(corners.force.sum(axis=0), force, atol=1e-6)
     # The moment of friction about the middle is balanced by the difference of front and rear.
@@ -59,10 +59,10 @@ pose: {{table.z: 0.23, plank.x: 2.0, plank.z: 0.22}}
 """)
     run = stepped(table, table.state(), 0.2, DT)
     for k in (2, 200):
-        feet = run.contact.of("table", "floor").at(k)
+        feet = run.contact.involving("table", "floor").at_sample(k)
         assert len(feet) == 4
         assert np.allclose(feet.force, [0.0, 0.0, 3.4 * G / 4], atol=1e-5)
         for trestle in ("left", "right"):
-            points = run.contact.of("plank", trestle).at(k)
+            points = run.contact.involving("plank", trestle).at_sample(k)
             assert np.allclose(points.force.sum(axis=0), [0.0, 0.0, G], atol=1e-5)
             assert np.allclose(points.normal_force, G / len(points), atol=1e-5)

@@ -55,7 +55,7 @@ def test_compiled_trees_satisfy_mujocos_equations(seed):
 
     def acceleration(s: State) -> np.ndarray:
         x = motion.State(0.0, s.q_D, s.v_D, s.q_K, s.v_K, np.zeros(0, dtype=bool))
-        instant = Evaluation.of(marionette, x, acc_K=s.acc_K)
+        instant = Evaluation.at_state(marionette, x, acc_K=s.acc_K)
         return instant.solve_factor(instant.w0)
 
     assert check(model, seed, acceleration) < 1e-10

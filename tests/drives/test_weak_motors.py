@@ -176,7 +176,7 @@ def test_batches_report_each_lane(stepped):
     x0 = stepped.rest({"line.length": COMMANDED_LENGTH})
     gentle = fan.Input.hold(stepped).bound(x0.q_K)
     rough = fan.Input.waypoints(stepped, {"line.length": [(0, COMMANDED_LENGTH), (0.03, 0.35)]})
-    inputs = [gentle, rough.extended(0.2).bound(x0.q_K), gentle]
+    inputs = [gentle, rough.with_rest_until(0.2).bound(x0.q_K), gentle]
     for method in ("timestepping", "variational"):
         many = fan.simulate_batch(stepped, x0, inputs, t_end=0.8, method=with_short_steps(method))
         assert many.status.tolist() == [Status.DONE, Status.RUNAWAY, Status.DONE]

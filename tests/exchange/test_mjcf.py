@@ -35,8 +35,8 @@ def tree(seed: int, dof: int = 9) -> Model:
 
 def evaluated_data(puppet: MuJoCoPuppet, x: State) -> mujoco.MjData:
     """MuJoCo's data at a state."""
-    puppet.put(x.q_D, x.v_D)
-    puppet.drive(x.q_K, x.v_K, x.acc_K)
+    puppet.set_dynamic(x.q_D, x.v_D)
+    puppet.set_driven(x.q_K, x.v_K, x.acc_K)
     puppet.evaluate()
     return puppet.data
 
@@ -70,7 +70,7 @@ def test_tendons_have_the_gaps_of_strings_and_limits(seed):
                 h[i], abs=1e-12
             )
     for i, t, scale in zip(
-        puppet.twists.places, puppet.twists.tendons, puppet.twists.scale, strict=True
+        puppet.twists.row_indices, puppet.twists.tendons, puppet.twists.scale, strict=True
     ):
         i += len(parts.strings)
         assert tendon_gaps[t] == pytest.approx(scale * h[i], abs=1e-12)

@@ -66,10 +66,10 @@ def contact_slides(stage: fan.Marionette, run: fan.Trajectory, gait: Gait) -> np
     for limb in BodyParts.for_puppet(stage, "pierrot").body_map.limbs:
         if limb.kind != "leg":
             continue
-        points = run.contact.of(limb.bodies[-1])
+        points = run.contact.involving(limb.bodies[-1])
         touching = points.normal_force > 1e-6 * stage.weight
         speed = np.zeros(len(run.t))
-        np.maximum.at(speed, points.sample[touching], points.sliding[touching])
+        np.maximum.at(speed, points.sample[touching], points.sliding_speed[touching])
         slide = speed[:-1] * np.diff(run.t)
         slides.append(np.bincount(cycle[:-1][is_walking], slide[is_walking]))
     return np.max(slides, axis=0)

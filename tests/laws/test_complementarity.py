@@ -125,7 +125,7 @@ def random_state(marionette: Marionette, rng: np.random.Generator, still: bool) 
     q_K[lengths[:, 0]] = paths[: len(lengths)] + loose * rng.uniform(0.01, 0.3, len(lengths))
     x = x.replace(q_D=q_D, q_K=q_K, v_D=v_D, v_K=v_K)
     if still:
-        v_K[lengths[:, 1]] += Evaluation.of(marionette, x).hdot[: len(lengths)]
+        v_K[lengths[:, 1]] += Evaluation.at_state(marionette, x).hdot[: len(lengths)]
         x = x.replace(v_K=v_K)
     return x
 
@@ -138,7 +138,7 @@ def problems(name: str) -> Iterator[Problem]:
         still = n_problems % 2 == 0
         x = random_state(marionette, rng, still)
         acc_K = rng.choice([0.0, 3.0]) * rng.normal(size=marionette.coordinates.n_vK)
-        instant = Evaluation.of(marionette, x, acc_K)
+        instant = Evaluation.at_state(marionette, x, acc_K)
         rows = np.flatnonzero(np.abs(instant.h) <= 1e-14)
         if len(rows) == 0:
             continue
@@ -240,7 +240,7 @@ def test_sixty_rows_that_all_pull():
     rig, rng = puppet("many_strings"), np.random.default_rng(2)
     all_pull = some_rest = 0
     for _ in range(50):
-        W = Evaluation.of(rig, random_state(rig, rng, still=True)).W
+        W = Evaluation.at_state(rig, random_state(rig, rng, still=True)).W
         random, shortest = rng.uniform(1.0, 1.5, W.shape[1]), all_positive(W)
         for y in (random, shortest):
             if y is None:

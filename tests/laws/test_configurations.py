@@ -62,8 +62,8 @@ def test_tangent_vectors_are_those_of_linearise():
 
     def acc(s: float) -> np.ndarray:
         there = x.replace(q_D=arm.integrate(x.q_D, s * dq))
-        at = Evaluation.of(arm, there)
-        return at.solve_factor(at.w0)
+        evaluation = Evaluation.at_state(arm, there)
+        return evaluation.solve_factor(evaluation.w0)
 
     np.testing.assert_allclose(
         (acc(step) - acc(-step)) / (2 * step), lin.acc.q_D @ dq, rtol=1e-6, atol=1e-6

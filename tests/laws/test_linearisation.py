@@ -88,7 +88,7 @@ def somewhere(puppet: fan.Marionette, seed: int) -> tuple[fan.State, np.ndarray,
 def accelerations(puppet: fan.Marionette, rows, x, acc_K, u_D) -> np.ndarray:
     """acc_D and the tensions with rows held as equalities, from the compiled model."""
     held = named_rows(puppet, rows)
-    instant = Evaluation.of(puppet, x, acc_K, u_D)
+    instant = Evaluation.at_state(puppet, x, acc_K, u_D)
     W = instant.W[:, held]
     tension = np.linalg.solve(W.T @ W, W.T @ instant.w0 + instant.gamma[held])
     return np.concatenate([instant.solve_factor(instant.w0 - W @ tension), tension])
@@ -124,14 +124,16 @@ def check_partials(puppet: fan.Marionette, rows, seed: int, bound: float) -> Non
 
     names = {"acc_K": "acc", "u_D": "u"}
     for name in ("q_D", "v_D", "q_K", "v_K", "acc_K", "u_D", "p"):
-        partial = np.concatenate([getattr(lin.acc, name), getattr(lin.pull, name)[held]])
+        partial = np.concatenate(
+            [getattr(lin.acc, name), getattr(lin.tension_partials, name)[held]]
+        )
         if not partial.shape[1]:
             continue
         key = names.get(name, name)
         wanted = difference(lambda d, key=key: at(**{key: d}), partial.shape[1], 1e-3)
         assert worst(partial, wanted) < bound, name
     free = np.setdiff1d(np.arange(len(lin.tension)), held)
-    assert not np.any(lin.pull.q_D[free])
+    assert not np.any(lin.tension_partials.q_D[free])
 
 
 def test_partials_are_those_of_the_compiled_accelerations(rig):
@@ -158,7 +160,7 @@ def test_the_mode_is_that_of_the_accelerations(arm):
     assert np.max(np.abs(lin.acc_D - acc_D)) < 1e-12
     assert np.max(np.abs(lin.tension - tension)) < 1e-12
     slack = arm.linearise(arm.state({"hand.length": 2.0}))
-    assert slack.rows == () and not np.any(slack.pull.q_D)
+    assert slack.rows == () and not np.any(slack.tension_partials.q_D)
 
 
 def test_derivatives_are_compiled_at_first_use():
@@ -245,7 +247,7 @@ def test_derivatives_of_the_solved_form_agree(arm):
     x, acc_K, u_D = somewhere(arm, 7)
     lin = arm.linearise(x, acc_K, u_D, ("hand",))
     wanted = np.array(solved(x.q_D, x.v_D, x.q_K, x.v_K, acc_K, u_D, arm.p))
-    for part, row in ((lin.acc, wanted[:2]), (lin.pull, wanted[2:])):
+    for part, row in ((lin.acc, wanted[:2]), (lin.tension_partials, wanted[2:])):
         mine = np.concatenate([getattr(part, name) for name in vars(part)], axis=1)
         assert worst(mine, row) < 1e-12
 
@@ -298,12 +300,20 @@ def check_step(puppet: fan.Marionette, x: fan.State, acc_K, u_D, dt: float, boun
             ]
         )
 
-    pull = np.concatenate([lin.pull.q_D, lin.pull.v_D, lin.pull.q_K, lin.pull.v_K], axis=1)
+    pull = np.concatenate(
+        [
+            lin.tension_partials.q_D,
+            lin.tension_partials.v_D,
+            lin.tension_partials.q_K,
+            lin.tension_partials.v_K,
+        ],
+        axis=1,
+    )
     cases = (
         ("z", lin.A, pull, 3e-7),
-        ("acc", lin.B, lin.pull.acc_K, 3e-4),
-        ("u", lin.B_u, lin.pull.u_D, 1e-5),
-        ("p", lin.B_p, lin.pull.p, 1e-5),
+        ("acc", lin.B, lin.tension_partials.acc_K, 3e-4),
+        ("u", lin.B_u, lin.tension_partials.u_D, 1e-5),
+        ("p", lin.B_p, lin.tension_partials.p, 1e-5),
     )
     for name, state, tension, size in cases:
         if not state.shape[1]:

@@ -108,7 +108,7 @@ def thrown(rng: np.random.Generator, flight: float) -> State | None:
     q_K[lengths] = 0.0
     paths = puppet.library.evaluate("rows", q_D=at_catch.q_D, q_K=q_K, p=puppet.p).h
     q_K[lengths] = paths
-    closing = Evaluation.of(puppet, at_catch.replace(v_D=v_D, q_K=q_K)).hdot > 0.05
+    closing = Evaluation.at_state(puppet, at_catch.replace(v_D=v_D, q_K=q_K)).hdot > 0.05
     q_K[lengths] += ~closing
     q_D = at_catch.q_D.copy()
     gravity = np.array([0.0, 0.0, -G])
@@ -116,7 +116,7 @@ def thrown(rng: np.random.Generator, flight: float) -> State | None:
     q_D[3:] = multiply(q_D[3:], exp(-v_D[3:] * flight))
     v_D[:3] -= gravity * flight
     x0 = at_catch.replace(q_D=q_D, v_D=v_D, q_K=q_K)
-    return x0 if np.max(Evaluation.of(puppet, x0).h) < 0 else None
+    return x0 if np.max(Evaluation.at_state(puppet, x0).h) < 0 else None
 
 
 def around(run: Trajectory, t: float) -> tuple[State, State]:
@@ -161,8 +161,8 @@ def test_strings_of_unequal_restitution_caught_together():
         shared += np.count_nonzero(impulse) >= 2
         before, after = around(run, first[0].t)
         before, after = (
-            Evaluation.of(puppet, before).hdot[index],
-            Evaluation.of(puppet, after).hdot[index],
+            Evaluation.at_state(puppet, before).hdot[index],
+            Evaluation.at_state(puppet, after).hdot[index],
         )
         assert np.max(np.abs(before - [event.speed for event in first])) <= 1e-12
         assert np.min(impulse) >= 0.0

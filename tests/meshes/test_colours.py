@@ -316,7 +316,7 @@ def test_recordings_contain_all_files(tmp_path):
         file.unlink()
     again = fan.Trajectory.load(tmp_path / "run.npz")
     mesh_file = again.puppet.bodies[0].shapes[0].read()
-    assert set(mesh_file.beside) == {"a.bin", "paint.png"}
+    assert set(mesh_file.linked_contents) == {"a.bin", "paint.png"}
     assert np.allclose(255 * mesh_file.colours, 77, atol=0.51)
 
 

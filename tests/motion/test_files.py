@@ -51,7 +51,7 @@ def test_yaml_equals_python(table, tmp_path):
             },
         )
         .with_forces({"elbow": [(0.25, 0), (1, 2)]})
-        .extended(4.0)
+        .with_rest_until(4.0)
     )
     assert are_equal(read, inputs)
     assert np.array_equal(read.force, inputs.force)

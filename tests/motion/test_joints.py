@@ -116,13 +116,13 @@ def test_inputs_without_jumps_are_unchanged(arm, x0):
     assert lift.checked() is lift and lift.at_rest() is lift
     bound = lift.bound(x0.q_K, 0.0, x0.v_K)
     assert np.array_equal(bound.coef[:, 1], lift.coef[:, 1])
-    many = Inputs.of([lift, lift])
+    many = Inputs.stack([lift, lift])
     assert many.at_rest() is many
 
 
 def test_the_repr_of_an_input_is_one_line(arm):
     """It names the coordinates and the duration."""
-    lift = Input.waypoints(arm, {"hand.length": [(0, 0.8), (1.5, 0.5)]}).called("lift")
+    lift = Input.waypoints(arm, {"hand.length": [(0, 0.8), (1.5, 0.5)]}).with_name("lift")
     assert repr(lift) == "<Input 'lift': 0 to 1.5 s, hand.length, 1 piece>"
     t = np.linspace(0, 1, 1000)
     samples = Input.samples(arm, t, {"hand.length": 0.8 + 0.0 * t})

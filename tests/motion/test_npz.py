@@ -77,7 +77,7 @@ def changed(files, kind: str, tmp_path, change):
     """Result of reading the file with its entries changed."""
     whole, load = files[kind]
     content = entries(whole.read_bytes())
-    about = json.loads(npz.read(whole, only="about")["about"].tobytes())
+    about = json.loads(npz.read(whole, array_name="about")["about"].tobytes())
     change(content, about)
     content["about.npy"] = stored(np.frombuffer(json.dumps(about).encode(), dtype=np.uint8))
     place = tmp_path / "a.npz"

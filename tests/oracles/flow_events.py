@@ -192,11 +192,11 @@ def _back_on_rows(marionette, x, held, slipping):
     """The state with h = 0 and hdot = 0 on the held rows, and no other row beyond its bound."""
     firm = held & ~np.isin(np.arange(len(held)), list(slipping))
     for _ in range(2):
-        at = Evaluation.of(marionette, x)
-        rows = firm | (~held & (at.h > 0.0))
-        x = x.replace(q_D=marionette.integrate(x.q_D, _correction(at, rows, at.h)))
-    at = Evaluation.of(marionette, x)
-    return x.replace(v_D=x.v_D + _correction(at, firm, at.hdot))
+        evaluation = Evaluation.at_state(marionette, x)
+        rows = firm | (~held & (evaluation.h > 0.0))
+        x = x.replace(q_D=marionette.integrate(x.q_D, _correction(evaluation, rows, evaluation.h)))
+    evaluation = Evaluation.at_state(marionette, x)
+    return x.replace(v_D=x.v_D + _correction(evaluation, firm, evaluation.hdot))
 
 
 def _correction(at, rows, off):
@@ -207,19 +207,19 @@ def _correction(at, rows, off):
 
 def _struck(marionette, x, held, name):
     """The state after the impulse of a catch; row -> (impulse, speed) of the caught rows."""
-    marionette, at = marionette, Evaluation.of(marionette, x)
+    marionette, evaluation = marionette, Evaluation.at_state(marionette, x)
     row = marionette.tree.row_names.index(name)
-    closed = held | (np.abs(at.h) <= CLOSED * marionette.row_scales(x.q_D, x.q_K))
+    closed = held | (np.abs(evaluation.h) <= CLOSED * marionette.row_scales(x.q_D, x.q_K))
     firm = np.flatnonzero(closed & ~np.isfinite(marionette.max_forces))
     restitution = np.zeros(len(held))
     n = len(marionette.tree.strings)
     restitution[:n] = marionette.winches[:, WINCH_AT["restitution"]]
-    b = at.hdot + restitution * np.maximum(at.hdot, 0.0)
+    b = evaluation.hdot + restitution * np.maximum(evaluation.hdot, 0.0)
     impulse = np.zeros(len(held))
-    impulse[firm] = _least_impulse(at.W[:, firm], b[firm])
+    impulse[firm] = _least_impulse(evaluation.W[:, firm], b[firm])
     rows = np.flatnonzero(closed & ~held & ((impulse > 0.0) | (np.arange(len(held)) == row)))
-    caught = {int(i): (impulse[i], at.hdot[i]) for i in rows}
-    return x.replace(v_D=x.v_D - at.solve_factor(at.W @ impulse)), caught
+    caught = {int(i): (impulse[i], evaluation.hdot[i]) for i in rows}
+    return x.replace(v_D=x.v_D - evaluation.solve_factor(evaluation.W @ impulse)), caught
 
 
 def _least_impulse(W, b):

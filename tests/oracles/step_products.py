@@ -34,9 +34,9 @@ def swept(
         force,
         dt=run.dt,
         forces=True,
-        pull=True,
+        tension_partials=True,
     )
-    assert (steps.held == run.held).all()
+    assert (steps.active == run.active).all()
     assert (steps.n_contacts == run.n_contacts).all()
     assert np.allclose(steps.v_D, run.v_D[1:], rtol=0, atol=1e-9)
     n_z, k = 2 * (t.n_vD + t.n_vK), t.n_vK
@@ -45,7 +45,7 @@ def swept(
     by_acc, by_u, by_p = np.zeros_like(acc), np.zeros_like(force), np.zeros(len(puppet.p))
     for i in range(n)[::-1]:
         half = back[: 2 * t.n_vD]
-        of_pull = np.split(by_tension[i] @ steps.pull[i], places)
+        of_pull = np.split(by_tension[i] @ steps.tension_partials[i], places)
         _, _, of_u, of_p = np.split(half @ steps.motion[i], places)
         by_acc[i] = back @ steps.B[i] + of_pull[1]
         by_u[i], by_p = of_u + of_pull[2], by_p + of_p + of_pull[3]

@@ -35,7 +35,7 @@ def test_the_feet_of_a_dragged_puppet_follow_on_the_floor():
         for name, home in homes.items():
             live.move(name, home + np.array([min(0.5, 0.5 * k / 360), 0.0, 0.0]))
         live.advance(1 / 60)
-        contacts = live.contact.of("floor")
+        contacts = live.contact.involving("floor")
         carried.append(contacts.force[:, 2].sum() / weight)
         gaps.append(contacts.gap.min(initial=0.0))
         upright.append(place(live, "torso")[2, 2])
@@ -58,7 +58,7 @@ def test_one_hand_drags_the_bar_along_and_the_feet_follow():
     for k in range(420):
         live.move("bar", home + np.array([min(0.5, 0.5 * k / 360), 0.0, 0.0]))
         live.advance(1 / 60)
-        gaps.append(live.contact.of("floor").gap.min(initial=0.0))
+        gaps.append(live.contact.involving("floor").gap.min(initial=0.0))
         upright.append(place(live, "torso")[2, 2])
     live.advance(2.0)
     assert live.lagging == {}
@@ -74,7 +74,7 @@ def test_a_released_puppet_falls_on_the_floor_and_stands_up_again():
     for name in live.lengths:
         live.wind(name, 2.0)
     live.advance(4.0)
-    heap = live.contact.of("floor")
+    heap = live.contact.involving("floor")
     held = heap.force[:, 2].sum() + live.tension[:7].sum()  # the head's string is just long enough
     assert held == pytest.approx(live.marionette.weight, rel=0.02)
     assert heap.force[:, 2].sum() > 0.9 * live.marionette.weight
@@ -107,7 +107,7 @@ def test_a_thrown_puppet_stays_finite_and_above_the_floor(name, throws, seed):
                 assert np.all(np.isfinite(part))
             assert not any("stopped" in why for why in live.lagging.values()), live.lagging
             max_gain = max(max_gain, sum(marionette.energies(x)) - before)
-            assert live.contact.of("floor").gap.min(initial=0.0) > -0.02
+            assert live.contact.involving("floor").gap.min(initial=0.0) > -0.02
     assert max_gain < MAX_ENERGY_GAIN * marionette.weight
     t = live.t
     live.advance(0.5)

@@ -90,7 +90,7 @@ def test_a_file_of_another_machine_keeps_its_samples(gentle, rough, tmp_path):
         with np.load(path) as file:
             arrays = dict(file)
         layout = recording.marionette.sample_layout
-        column = layout.places["v_D"]
+        column = layout.columns["v_D"]
         arrays["checks"][1:, column] *= 1.0 + 1e-9
         np.savez(changed_path, **arrays)
         loaded_run, recorded_run = (

@@ -263,7 +263,7 @@ def test_a_string_is_kept_clear_too():
     x = arm.rest()
     bead = {"name": "bead", "type": "sphere", "radius": 0.01, "at": [0.3, 0, 0.2]}
     assert float(Clearance(arm, [bead]).of(x)) == pytest.approx(-0.01, abs=1e-6)
-    assert Clearance(arm, [bead]).nearest(x).what == "string hand"
+    assert Clearance(arm, [bead]).nearest(x).first == "string hand"
     assert float(Clearance(arm, [bead], strings=False).of(x)) > 0.3
     with_radius = Clearance(arm, [bead | {"at": [0.4, 0, 0.2]}], string_radius=0.02)
     assert float(with_radius.of(x)) == pytest.approx(0.1 - 0.01 - 0.02, abs=1e-3)
@@ -296,7 +296,7 @@ def test_a_puppet_may_be_kept_clear_of_itself():
     self_clearance = Clearance(chain, self_collision=True)
     x = chain.state({"j_b": np.pi / 2, "j_c": np.pi / 2})
     assert float(self_clearance.of(x)) == pytest.approx(0.2 - 0.02, abs=1e-12)
-    assert {self_clearance.nearest(x).what, self_clearance.nearest(x).other} == {"a", "c"}
+    assert {self_clearance.nearest(x).first, self_clearance.nearest(x).second} == {"a", "c"}
     folded = chain.state({"j_b": 2 * np.pi / 3, "j_c": 2 * np.pi / 3})
     assert float(self_clearance.of(folded)) == pytest.approx(-0.02, abs=1e-9)
     assert "inside" in str(self_clearance.nearest(folded))
@@ -353,7 +353,7 @@ def test_a_puppet_without_shapes_keeps_its_strings_clear_or_nothing():
     puppet = fan.loads(str({"puppet": "bare", "bodies": [bob], "strings": [string]}))
     x = puppet.rest()
     bead = {"name": "bead", "type": "sphere", "radius": 0.1, "at": [0.3, 0, 0.5]}
-    assert Clearance(puppet, [bead]).nearest(x).what == "string s"
+    assert Clearance(puppet, [bead]).nearest(x).first == "string s"
     without_strings = Clearance(puppet, [bead], strings=False)
     assert without_strings.nearest(x) is None and np.isinf(without_strings.of(x))
 

@@ -83,11 +83,13 @@ def test_the_active_set_is_the_puppets():
     node, gains = law.reference(1, x)
     assert gains is not None and np.array_equal(node.q_D, law.nodes.q_D[1])
     late_node, _ = law.reference(1, slack)
-    assert Evaluation.of(arm, x.replace(q_D=late_node.q_D, v_D=late_node.v_D)).h[0] > 0.0, (
+    assert Evaluation.at_state(arm, x.replace(q_D=late_node.q_D, v_D=late_node.v_D)).h[0] > 0.0, (
         "extended beyond the catch"
     )
     early_node, _ = law.reference(0, x)
-    assert abs(Evaluation.of(arm, x.replace(q_D=early_node.q_D, v_D=early_node.v_D)).h[0]) < 1e-4
+    assert (
+        abs(Evaluation.at_state(arm, x.replace(q_D=early_node.q_D, v_D=early_node.v_D)).h[0]) < 1e-4
+    )
     # So late, the plan has no slack string: gains go by time.
     assert np.array_equal(law.reference(3, slack)[0].q_D, law.nodes.q_D[3])
 

@@ -87,8 +87,8 @@ def test_projected_changes_keep_taut_strings_taut(plan, law):
     rng, size = np.random.default_rng(1), 1e-4
     for k in range(0, len(projections), 5):
         z = projections[k] @ rng.normal(size=projections.shape[1]) * size
-        evaluation = Evaluation.of(marionette, state_of_row(plan, nodes[k]))
-        changed_evaluation = Evaluation.of(
+        evaluation = Evaluation.at_state(marionette, state_of_row(plan, nodes[k]))
+        changed_evaluation = Evaluation.at_state(
             marionette, state_of_row(plan, changed_row(plan, nodes[k], z))
         )
         squared = float(z @ z)
@@ -286,7 +286,7 @@ def test_plans_begin_at_time_stepped_states(plan):
     x = next(
         run.state(i)
         for i in range(1, len(run))
-        if abs(Evaluation.of(arm, run.state(i)).h[0]) > 1e-9
+        if abs(Evaluation.at_state(arm, run.state(i)).h[0]) > 1e-9
     )
     problem_there = Problem(
         arm,

@@ -184,7 +184,7 @@ def test_a_moving_tetrahedron_has_the_distance_of_geometry(at, gap):
         clear = Clearance(puppet, [ball])
         nearest = clear.nearest(state_with_poses(puppet, (translation, rotation)))
         assert nearest.distance == pytest.approx(gap - 0.05, abs=1e-9)
-        assert (nearest.what, nearest.other) == ("body0", "ball")
+        assert (nearest.first, nearest.second) == ("body0", "ball")
 
 
 def test_a_notch_is_free():
@@ -260,7 +260,7 @@ def test_meshes_of_one_puppet_keep_clear_of_one_another():
         state_with_poses(puppet, at_origin, (np.array([0.53, 0.0, 0.54]), half_turn))
     )
     assert nearest.distance == pytest.approx(np.hypot(0.03, 0.04), abs=1e-9)
-    assert {nearest.what, nearest.other} == {"body0", "body1"}
+    assert {nearest.first, nearest.second} == {"body0", "body1"}
     assert (
         float(
             self_clearance.of(
@@ -308,7 +308,7 @@ def test_slack_strings_keep_clear_of_meshes_as_of_boxes():
     np.testing.assert_allclose(distance[is_clear], box_distance[is_clear], atol=1e-9)
     assert np.all(distance[~is_clear] < 0.0)
     nearest = Clearance(ARM, [SHELF]).nearest(HANGING.replace(q_K=[0.3, 0.0, 1.9]))
-    assert (nearest.what, nearest.other) == ("string hand", "shelf")
+    assert (nearest.first, nearest.second) == ("string hand", "shelf")
 
 
 def test_a_plan_goes_through_a_notch():

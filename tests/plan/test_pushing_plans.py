@@ -43,7 +43,7 @@ def test_an_arm_pushes_a_crate_further(crates, seed):
     displacement = displacement_of(scene, run)
     assert np.linalg.norm(displacement[-1] - [0.1, 0.0, 0.0]) < 0.05
     assert np.max(np.abs(run.v_D[-1])) < 0.05
-    first_contact = run.contact.of("hand", "crate").sample[0]
+    first_contact = run.contact.involving("hand", "crate").sample[0]
     assert np.max(np.abs(displacement[:first_contact])) < 1e-6, "nothing else moves it"
 
 
@@ -71,7 +71,7 @@ def test_a_ball_is_pushed_past_its_place():
     )
     run = plan.verify().run
     assert plan and np.linalg.norm(displacement_of(scene, run)[-1] - [0.1, 0.0, 0.0]) < 0.05
-    assert len(run.contact.of("hand", "crate")) > 0
+    assert len(run.contact.involving("hand", "crate")) > 0
 
 
 def test_an_avoided_prop_stays_in_place(crates):

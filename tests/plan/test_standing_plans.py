@@ -39,7 +39,7 @@ def hanging(promenade, standing) -> fan.State:
 
 def share_by_hand(marionette: fan.Marionette, run: fan.Trajectory) -> float:
     """Part of the weight that strings do not carry, from the sum of the feet's forces."""
-    force = run.contact.of("floor").at(len(run) - 1)
+    force = run.contact.involving("floor").at_sample(len(run) - 1)
     return float(np.sum(force.force[:, 2])) / marionette.weight
 
 
@@ -54,7 +54,7 @@ def test_from_the_air_to_both_feet(promenade, hanging):
     )
     assert np.max(np.abs(run.v_D[-1])) < 0.05 and np.max(np.abs(run.v_K[-1])) < 1e-9
     assert {name for pair in FEET for name in pair} == {
-        name for k in set(run.contact.at(len(run) - 1).pair) for name in run.contact.names[k]
+        name for k in set(run.contact.at_sample(len(run) - 1).pair) for name in run.contact.names[k]
     }
     verified = plan.verify()
     assert verified.arrives and verified.share >= 0.1

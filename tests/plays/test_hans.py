@@ -73,7 +73,7 @@ def test_hans_sits_upright_and_his_head_stays_before_the_string_of_his_pelvis():
     k = int(np.searchsorted(run.t, 5.0))
     for body in ("chest", "pelvis"):
         assert poses[k, stage.link_index(body)][2, 2] > np.cos(np.radians(35.0))
-    floor = run.contact.of("chair", "floor")
+    floor = run.contact.involving("chair", "floor")
     chair_force = np.zeros(len(run))
     np.add.at(chair_force, floor.sample, np.abs(floor.force[:, 2]))
     mass = sum(shape["mass"] for shape in CHAIR["shapes"])

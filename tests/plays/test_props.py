@@ -10,7 +10,7 @@ import pytest
 from ruamel.yaml import YAML
 
 import fantoccini as fan
-from fantoccini.dynamics.clearance import Clearance, StringsApart
+from fantoccini.dynamics.clearance import Clearance, StringDistances
 from fantoccini.model.puppet.contact import FLOOR
 from fantoccini.theatre import cast
 from fantoccini.theatre.cast import prop_gestures
@@ -133,11 +133,11 @@ def least_distance(scene, run, kind: str, arms: tuple[str, ...]) -> float:
     # Bodies of one puppet may touch each other, but not the prop.
     body_pairs = [frozenset(pair) for pair in combinations([x for x in links if x != kind], 2)]
     distances.append(Clearance(scene, free=[*free_pairs, *body_pairs]).at(q_D, q_K).min())
-    strings = StringsApart(scene).motion(q_D, q_K, t)
+    strings = StringDistances(scene).motion(q_D, q_K, t)
     assert not strings.crossings()
     approaches = strings.nearest()
     with_owners = [
-        (approach, approach.what.split(".")[0], approach.other.split(".")[0])
+        (approach, approach.first.split(".")[0], approach.second.split(".")[0])
         for approach in (*approaches.strings, *approaches.bodies)
     ]
     return min(
@@ -254,7 +254,7 @@ def test_a_seat_bears_a_player_and_lets_her_stand_up():
         save_every=10,
     )
     assert run.status is fan.Status.DONE
-    floor = run.contact.of("chair", "floor")
+    floor = run.contact.involving("chair", "floor")
     chair_force = np.zeros(len(run))
     np.add.at(chair_force, floor.sample, np.abs(floor.force[:, 2]))
     chair_weight = 0.9 * 9.81

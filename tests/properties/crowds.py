@@ -214,7 +214,7 @@ def single_run(crowd: Crowd, i: int) -> Crowd:
     inputs = crowd.inputs
     if inputs is not None:
         bound = inputs.bound(np.array([x.q_K for x in crowd.starts]))
-        inputs = fan.motion.Inputs.of([bound[i]])
+        inputs = fan.motion.Inputs.stack([bound[i]])
     return Crowd(crowd.marionette, [crowd.starts[i]], inputs, crowd.t_end, crowd.method)
 
 

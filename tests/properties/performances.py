@@ -129,7 +129,7 @@ def with_velocity(puppet: fan.Marionette, x: fan.State, v_K: np.ndarray) -> fan.
         return x
     for v_K_candidate in (v_K, np.zeros_like(v_K)):
         candidate = x.replace(v_K=v_K_candidate)
-        evaluation = Evaluation.of(puppet, candidate)
+        evaluation = Evaluation.at_state(puppet, candidate)
         scale = puppet.row_scales(candidate.q_D, candidate.q_K)
         rows = np.flatnonzero((evaluation.h >= -1e-9 * scale) | puppet.two_sided)
         solution = evaluation.complementarity(rows, evaluation.hdot[rows], puppet.two_sided)

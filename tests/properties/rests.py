@@ -169,7 +169,7 @@ def draw_case(puppet: int, number: int) -> Case:
     )
     drawn_state = _within_limits(marionette, drawn_state)
     lengths = marionette.string_lengths(drawn_state.q_D, drawn_state.q_K)
-    span_lengths = lengths + Evaluation.of(marionette, drawn_state).h[: len(lengths)]
+    span_lengths = lengths + Evaluation.at_state(marionette, drawn_state).h[: len(lengths)]
     slack = np.where(
         rng.random(len(span_lengths)) < 0.5, rng.uniform(0.0, 0.05, len(span_lengths)), 0.0
     )
@@ -204,7 +204,7 @@ def _within_limits(marionette: fan.Marionette, x: fan.State) -> fan.State:
     n = len(marionette.tree.strings)
     for share in 0.8 ** np.arange(60):
         candidate = _moved_state(marionette, start, share * displacement)
-        if np.all(Evaluation.of(marionette, candidate).h[n:] <= 0.0):
+        if np.all(Evaluation.at_state(marionette, candidate).h[n:] <= 0.0):
             return candidate
     return start
 
@@ -216,7 +216,7 @@ def _at_limits(marionette: fan.Marionette, x: fan.State, rng, beyond: float) -> 
         link, side = tree.links[limit.link], name.rsplit(".", 1)[1]
         if link.v.stop - link.v.start > 1 or rng.random() < 0.5:
             continue
-        h = Evaluation.of(marionette, x.replace(q_D=q_D)).h[tree.row_names.index(name)]
+        h = Evaluation.at_state(marionette, x.replace(q_D=q_D)).h[tree.row_names.index(name)]
         q_D[link.q] += (1.0 if side == "upper" else -1.0) * (beyond * rng.random() - h)
     return x.replace(q_D=q_D)
 
@@ -244,7 +244,7 @@ def broken_property(tested: Case) -> str:
     except fan.errors.StateError as error:
         return f"not found: {error}"
     acc, tension = marionette.forward_dynamics(x)
-    weight, h = marionette.weight, Evaluation.of(marionette, x).h
+    weight, h = marionette.weight, Evaluation.at_state(marionette, x).h
     if np.max(h, initial=-1.0) > 1e-9:
         return "a row is broken"
     if np.min(tension, initial=0.0) < 0.0:

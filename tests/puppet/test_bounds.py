@@ -259,9 +259,9 @@ def test_searches_for_nearest_names_are_bounded(monkeypatch):
     from fantoccini.model.puppet import parts
 
     asked = []
-    real = parts.nearest
+    real = parts.did_you_mean
     for module in (parts, located):
-        monkeypatch.setattr(module, "nearest", lambda *names: asked.append(1) or real(*names))
+        monkeypatch.setattr(module, "did_you_mean", lambda *names: asked.append(1) or real(*names))
     bodies = "".join(f"  - {{name: a{i}, parent: b{i}, kolour: 1}}\n" for i in range(300))
     reported = mistakes(f"puppet: p\nbodies:\n{bodies}")
     assert reported[-1][2] == "and 500 more"

@@ -250,7 +250,7 @@ def test_each_run_may_have_its_own_parameters(method):
             assert np.allclose(batch.tension.values[i], single_batch.tension.values[0], rtol=1e-5)
         else:
             assert same(batch, single_batch, slice(i, i + 1))
-        assert own.described == batch.trajectory(i).puppet
+        assert own.current_puppet == batch.trajectory(i).puppet
 
 
 @pytest.mark.parametrize(

@@ -47,7 +47,7 @@ def test_integers_that_cross_to_compiled_code_are_checked():
     for wrong in ({"short": 2**31}, {"short": -(2**31) - 1}, {"long": 2**63}, {"short": 0.5}):
         with pytest.raises(ValueError, match=f"{next(iter(wrong))} is "):
             Pair(**wrong)
-    assert checked_integer("n", 7, low=1) == 7
+    assert checked_integer("n", 7, minimum=1) == 7
     for steps in (0, -1, 2**63, 1e6):
         with pytest.raises(ValueError, match="max_steps is "):
             ARM.run_options(max_steps=steps)

@@ -34,7 +34,7 @@ def test_a_sweep_is_the_product_of_all_steps(name):
     run = puppet.rollout(x, acc, force, extrapolate=False)
     assert run.status is fan.Status.DONE
     assert run.steps == n
-    assert len({tuple(row) for row in run.held}) > 1
+    assert len({tuple(row) for row in run.active}) > 1
     rng = np.random.default_rng(2)
     own = [rng.normal(size=(n + 1, w)) for w in (t.n_vD, t.n_vD, t.n_vK, t.n_vK)]
     by_tension = rng.normal(size=run.tension.shape)
@@ -52,7 +52,7 @@ def test_it_agrees_with_differences_of_rollouts():
     x, acc = arm.rest().replace(v_D=np.array([0.3, -0.5])), rng.normal(size=(40, t.n_vK))
     force = 0.1 * rng.normal(size=(40, t.n_vD))
     run = arm.rollout(x, acc, force)
-    assert 0 < run.held.sum() < run.held.size
+    assert 0 < run.active.sum() < run.active.size
     own = rng.normal(size=(2, 41, t.n_vD))
     gradient = run.gradient(q_D=own[0], v_D=own[1])
     along = {
@@ -78,7 +78,7 @@ def test_it_agrees_with_differences_of_rollouts():
             v_K=x.v_K + d["v_K"],
         )
         rollout = arm.rollout(moved_state, acc + d["acc_K"], force + d["u_D"], p=arm.p + d["p"])
-        assert (rollout.held == run.held).all()
+        assert (rollout.active == run.active).all()
         return float(np.sum(own[0] * rollout.q_D) + np.sum(own[1] * rollout.v_D))
 
     for name, h in steps.items():
@@ -99,7 +99,7 @@ def test_a_weight_that_is_hoisted_follows_its_string():
     )
     n, dt = 30, 0.01
     run = puppet.rollout(puppet.rest({"s.length": 2.0}), np.full((n, 1), -0.3), dt=dt)
-    assert run.held.all()
+    assert run.active.all()
     last = np.zeros((n + 1, 1))
     last[-1] = 1.0
     gradient = run.gradient(q_D=last)

@@ -305,4 +305,4 @@ def test_a_run_knows_the_values_of_its_parameters(tmp_path):
     assert np.array_equal(loaded.mass_matrix(run.state(0)), arm.mass_matrix(run.state(0)))
     assert not progress
     file = fan.puppets.arm2d()
-    assert file.described is file.puppet
+    assert file.current_puppet is file.puppet

@@ -70,11 +70,11 @@ def test_chattering_is_reported_with_events_and_touches():
     )
     events = [EventRecord(x, EventKind.CATCH, "left", 0.0, 0.0) for x in t[-20:]]
     events.append(EventRecord(0.0, EventKind.CATCH, "right", 0.0, 0.0))
-    text = pace.chatter(t, contact, events)
+    text = pace.short_steps_message(t, contact, events)
     assert text == (
         "its last 500 samples take 0.05 s of motion, with events of left (20), while b|a touches"
     )
-    assert pace.chatter(t[:1], None, []) == "its steps are short"
+    assert pace.short_steps_message(t[:1], None, []) == "its steps are short"
 
 
 @pytest.mark.slow

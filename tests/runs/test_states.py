@@ -85,12 +85,14 @@ def test_project_keeps_taut_strings(arm, lift):
     """A string that is slack by some nanometres and taut in the mode gets its length."""
     x0 = arm.rest({"hand.length": 0.8})
     run = fan.simulate(arm, x0, lift, t_end=1.4, method="timestepping")
-    gaps = [(Evaluation.of(arm, run.state(i)).h[0], i) for i in range(len(run))]
+    gaps = [(Evaluation.at_state(arm, run.state(i)).h[0], i) for i in range(len(run))]
     for h, i in (min(gaps), max(gaps)):
         x = run.state(i)
         projected = arm.project(x)
-        at = Evaluation.of(arm, projected)
-        assert abs(at.h[0]) < 1e-13 and abs(at.hdot[0]) < 1e-12 and projected.taut[0]
+        evaluation = Evaluation.at_state(arm, projected)
+        assert (
+            abs(evaluation.h[0]) < 1e-13 and abs(evaluation.hdot[0]) < 1e-12 and projected.taut[0]
+        )
         assert np.max(np.abs(projected.q_D - x.q_D)) < 10.0 * abs(h)
         check_start(arm, projected)
     assert min(gaps)[0] < -1e-9
@@ -103,7 +105,7 @@ def test_projected_states_of_the_marionette_start_event_driven_runs(marionette, 
         for i in range(0, 480, 60):
             x = runs[method].state(i)
             projected = marionette.project(x)
-            assert np.all(np.abs(Evaluation.of(marionette, projected).h[x.taut]) < 1e-9)
+            assert np.all(np.abs(Evaluation.at_state(marionette, projected).h[x.taut]) < 1e-9)
             run = fan.simulate(marionette, projected, inputs, t_end=x.t + 0.002, effort=False)
             assert run.status.name == "DONE"
 
@@ -134,7 +136,7 @@ def test_a_string_overstepped_at_rest_is_closed(arm):
     """No row counts as slack because of its violation."""
     x = arm.rest({"hand.length": 0.8})
     short = x.replace(q_K=[x.q_K[0], 0.8 - 1e-4])
-    assert ActiveSet.of(arm, short, Evaluation.of(arm, short)).held[0]
+    assert ActiveSet.at_state(arm, short, Evaluation.at_state(arm, short)).held[0]
     assert arm.forward_dynamics(short)[1][0] == pytest.approx(
         arm.forward_dynamics(x)[1][0], rel=0.01
     )
@@ -218,7 +220,7 @@ def test_a_run_that_ends_at_a_catch_continues(arm, before):
 def test_a_request_for_exact_lengths_has_a_remedy(arm, lift):
     """If a method cannot begin at a state, the message says how to correct it."""
     run = fan.simulate(arm, arm.rest({"hand.length": 0.8}), lift, method="timestepping")
-    gaps = [Evaluation.of(arm, run.state(i)).h[0] for i in range(len(run))]
+    gaps = [Evaluation.at_state(arm, run.state(i)).h[0] for i in range(len(run))]
     for i, says in ((int(np.argmin(gaps)), "slack by"), (int(np.argmax(gaps)), "violated by")):
         with pytest.raises(fan.errors.StateError, match=rf"hand .*{says}.*marionette.project"):
             fan.simulate(arm, run.state(i), lift)
@@ -282,7 +284,7 @@ def test_a_state_of_another_puppet_is_named(arm, marionette):
             arm.kinetic_energy,
             arm.rest,
             lambda x: arm.energies(x),
-            lambda x: Evaluation.of(arm, x),
+            lambda x: Evaluation.at_state(arm, x),
             lambda x: fan.simulate(arm, x, t_end=0.1),
             lambda x: fan.simulate_batch(arm, [x, x], t_end=0.1),
             lambda x: fan.dynamics.sensitivity(arm, x, t_end=0.1),
@@ -351,7 +353,7 @@ def test_nan_is_in_no_argument(arm):
         lambda: fan.simulate(arm, x, t_end=0.1, method="timestepping", save_every=nan),
         lambda: fan.Input.hold(arm, nan),
         lambda: hold.bound([0.45, nan]),
-        lambda: hold.extended(nan),
+        lambda: hold.with_rest_until(nan),
         lambda: hold.with_forces({"elbow": [(0.0, nan)]}),
         lambda: fan.Input.segments(arm, [0.0, 1.0], [0.45, 0.8], [0.0, 0.0], [[nan, 0.0]]),
         lambda: fan.motion.Inputs.random(arm, 2, reach=nan),

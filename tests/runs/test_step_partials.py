@@ -40,13 +40,21 @@ def test_many_steps_are_differentiated_as_one(name):
     puppet, batch, rng = moving(name)
     acc, force = rng.normal(size=batch.v_K.shape), 0.01 * rng.normal(size=batch.v_D.shape)
     steps = puppet.linearise_steps(
-        batch.q_D, batch.v_D, batch.q_K, batch.v_K, acc, force, forces=True, pull=True, threads=2
+        batch.q_D,
+        batch.v_D,
+        batch.q_K,
+        batch.v_K,
+        acc,
+        force,
+        forces=True,
+        tension_partials=True,
+        threads=2,
     )
-    assert steps.settled.all() and steps.held.any()
+    assert steps.settled.all() and steps.active.any()
     for i in range(len(steps)):
         single = puppet.linearise_step(batch.state(i), acc[i], force[i])
         size = np.max(np.abs(single.A))
-        names = tuple(puppet.tree.row_names[r] for r in np.flatnonzero(steps.held[i]))
+        names = tuple(puppet.tree.row_names[r] for r in np.flatnonzero(steps.active[i]))
         assert names == single.rows
         assert np.allclose(steps.q_D[i], single.x_next.q_D, rtol=0, atol=1e-12)
         assert np.allclose(steps.v_D[i], single.x_next.v_D, rtol=0, atol=1e-9)
@@ -59,7 +67,9 @@ def test_many_steps_are_differentiated_as_one(name):
         )
         assert np.allclose(by_p, single.B_p[: 2 * n], rtol=0, atol=1e-10)
         for block, expected in zip(
-            split(puppet, steps.pull[i]), vars(single.pull).values(), strict=True
+            split(puppet, steps.tension_partials[i]),
+            vars(single.tension_partials).values(),
+            strict=True,
         ):
             scale = np.max(np.abs(expected), initial=1.0)
             assert np.allclose(block, expected, rtol=0, atol=1e-9 * scale)
@@ -87,7 +97,7 @@ def test_they_agree_with_central_differences(name):
                 ]
             )
     after = puppet.linearise_steps(*map(np.array, zip(*moved, strict=True)), acc)
-    assert (after.held == steps.held).all()
+    assert (after.active == steps.active).all()
     half = len(changes)
     dq = np.array([puppet.difference(after.q_D[half + i], after.q_D[i]) for i in range(half)])
     dv = after.v_D[:half] - after.v_D[half:]

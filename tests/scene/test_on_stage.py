@@ -109,12 +109,12 @@ def test_columbine_sits_on_the_chair(visit):
     late = run.t > 11.0
     chair = next(p for p in fan.puppets.visit().puppet.bodies if p.name == "chair")
     own = sum(shape.mass for shape in chair.shapes) * 9.81
-    floor = run.contact.of("chair", "floor")
+    floor = run.contact.involving("chair", "floor")
     bears = np.zeros(len(run))
     np.add.at(bears, floor.sample, floor.force[:, 2])
     hers = 0.5 * (stage.weight - own - 0.024 * 9.81)
     assert (bears[late] - own).mean() > 0.4 * hers
-    bodies = {name for pair in set(run.contact.of("chair").names) for name in pair}
+    bodies = {name for pair in set(run.contact.involving("chair").names) for name in pair}
     assert {"columbine.thigh_left", "columbine.thigh_right"} <= bodies
     torso = stage.poses(run.q_D, run.q_K)[:, stage.link_index("columbine.torso")]
     assert torso[late, 2, 3].max() < 0.26 < 0.33 < torso[0, 2, 3]
@@ -123,7 +123,7 @@ def test_columbine_sits_on_the_chair(visit):
 
 def pushed(run, name: str, on: str) -> np.ndarray:
     """(T,) force along z from the contacts of one body on another [N]."""
-    points = run.contact.of(on, name)
+    points = run.contact.involving(on, name)
     sign = np.array([1.0 if run.contact.names[p][0] == on else -1.0 for p in points.pair])
     total = np.zeros(len(run))
     np.add.at(total, points.sample, sign * points.force[:, 2])

@@ -43,10 +43,10 @@ def test_clearances_are_those_between_members(scene) -> None:
     clearance = Clearance(scene)
     nearest = clearance.nearest(x)
     assert clearance.of(x) == pytest.approx(0.4 - 0.05 - 0.06)
-    assert {nearest.what, nearest.other} == {"one.bulb", "ball"}
+    assert {nearest.first, nearest.second} == {"one.bulb", "ball"}
     closer = scene.state({"two.bulb.x": -0.35})
     assert clearance.of(closer) == pytest.approx(0.15 - 0.1)
-    assert {(n := clearance.nearest(closer)).what, n.other} == {"one.bulb", "two.bulb"}
+    assert {(n := clearance.nearest(closer)).first, n.second} == {"one.bulb", "two.bulb"}
 
 
 def test_a_plan_keeps_a_puppet_away_from_the_other(scene) -> None:

@@ -50,7 +50,7 @@ def test_nothing_varied_is_one_case():
 def test_puppets_and_inputs_go_by_their_names(arm):
     heavy_arm = arm.with_parameters({"m2": 0.2})
     lifting = fan.Input.waypoints(arm, {"hand.length": [(0, 0.8), (1, 0.7)]})
-    lowering = fan.Input.waypoints(arm, {"hand.length": [(0, 0.7), (1, 0.8)]}).called("down")
+    lowering = fan.Input.waypoints(arm, {"hand.length": [(0, 0.7), (1, 0.8)]}).with_name("down")
     sweep_design = design_of({"puppet": [arm, heavy_arm], "inputs": [lifting, lowering]})
     assert sweep_design.axes[0].labels == ("arm2d", "arm2d 2")
     assert sweep_design.axes[1].labels == ("inputs 0", "down")

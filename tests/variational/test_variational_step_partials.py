@@ -50,25 +50,25 @@ def test_partials_agree_with_differences_of_steps(name):
             )
         *states, p = map(np.array, zip(*nodes, strict=True))
         return puppet.linearise_steps(
-            *states, p=p, method="variational", forces=True, pull=True, dt=0.002
+            *states, p=p, method="variational", forces=True, tension_partials=True, dt=0.002
         )
 
     many = steps(np.zeros((1, places[-1])))
     assert many.settled.all()
-    assert 0 < many.held.sum() < max(2, many.held.size)
+    assert 0 < many.active.sum() < max(2, many.active.size)
     sizes = np.repeat(list(STEPS.values()), widths)
-    jacobian = np.zeros((2 * t.n_vD + many.held.shape[1], places[-1]))
+    jacobian = np.zeros((2 * t.n_vD + many.active.shape[1], places[-1]))
     for k, weight in ((1, 1.5), (2, -0.6), (3, 0.1)):
         moved = k * np.diag(sizes)
         after, before = steps(moved), steps(-moved)
-        assert (after.held == many.held).all() and (before.held == many.held).all()
+        assert (after.active == many.active).all() and (before.active == many.active).all()
         change = [
             np.array([puppet.difference(b, a) for a, b in zip(after.q_D, before.q_D, strict=True)]),
             after.v_D - before.v_D,
             after.tension - before.tension,
         ]
         jacobian += weight * np.concatenate(change, axis=1).T / (2 * k * sizes)
-    wanted = np.concatenate([many.motion[0], many.pull[0]])
+    wanted = np.concatenate([many.motion[0], many.tension_partials[0]])
     for first, last in pairwise(places):
         for rows in (slice(0, t.n_vD), slice(t.n_vD, 2 * t.n_vD), slice(2 * t.n_vD, None)):
             part = wanted[rows, first:last]

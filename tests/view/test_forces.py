@@ -36,8 +36,8 @@ def test_arrows_begin_at_the_points_and_carry_the_weight(block):
     assert len(geometry.arrows) == len(run)
     assert len(geometry.arrows[0]) == 0
     last = geometry.arrows[-1]
-    assert np.array_equal(last[:, 0], run.contact.at(len(run) - 1).point)
-    force, along = run.contact.at(len(run) - 1).force, last[:, 1] - last[:, 0]
+    assert np.array_equal(last[:, 0], run.contact.at_sample(len(run) - 1).point)
+    force, along = run.contact.at_sample(len(run) - 1).force, last[:, 1] - last[:, 0]
     assert np.allclose(along / np.linalg.norm(along[0]), force / np.linalg.norm(force[0]))
     lengths = np.linalg.norm(np.diff(np.concatenate(geometry.arrows), axis=1), axis=2)
     assert lengths.max() <= 0.3 * geometry.size + 1e-12

@@ -44,7 +44,7 @@ from fantoccini.base.errors import (
     StreamError,
     SweepStopped,
     UnknownNameError,
-    nearest,
+    did_you_mean,
 )
 from fantoccini.base.files import decoded, lines_of, replacing, write_table
 from fantoccini.base.hanging import catenary
@@ -105,6 +105,7 @@ __all__ = [
     "check_positive",
     "cross",
     "decoded",
+    "did_you_mean",
     "exp",
     "ffmpeg",
     "floats",
@@ -114,7 +115,6 @@ __all__ = [
     "lines_of",
     "moved",
     "multiply",
-    "nearest",
     "nonnegative_least_squares",
     "npz",
     "osc_library",

@@ -98,8 +98,8 @@ def _float(value: Any) -> float:
 def read_only(values: ArrayLike, dtype: DTypeLike = np.float64) -> NDArray[Any]:
     """:func:`frozen`, without a copy if the array is read-only already."""
     array = np.asarray(values)
-    as_wanted = array.dtype == dtype and array.flags.c_contiguous
-    return array if as_wanted and not array.flags.writeable else frozen(values, dtype)
+    matches = array.dtype == dtype and array.flags.c_contiguous
+    return array if matches and not array.flags.writeable else frozen(values, dtype)
 
 
 def frozen(values: ArrayLike, dtype: DTypeLike = np.float64) -> NDArray[Any]:

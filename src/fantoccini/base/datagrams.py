@@ -26,16 +26,18 @@ def socket_to(host: str, port: int, many: bool = False) -> tuple[socket.socket, 
         ManyHearersError: the host is such an address, without ``many``.
         AddressError: the host does not exist, or the port is 0.
     """
-    failure = f"cannot send to {host}:{port}"
+    prefix = f"cannot send to {host}:{port}"
     if port == 0:
-        raise AddressError(f"{failure}; needed: a port from 1 on")
+        raise AddressError(f"{prefix}; needed: a port from 1 on")
     sender, address = _socket(host, port)
     try:
         if many:
             sender.setsockopt(socket.SOL_SOCKET, socket.SO_BROADCAST, 1)
-        elif _are_many(sender.family, address):
-            text = f"{failure}: all machines of a network would hear it; needed: the address of one"
-            raise ManyHearersError(text)
+        elif _is_multicast(sender.family, address):
+            message = (
+                f"{prefix}: all machines of a network would hear it; needed: the address of one"
+            )
+            raise ManyHearersError(message)
     except BaseException:
         sender.close()
         raise
@@ -52,17 +54,19 @@ def socket_at(host: str, port: int, many: bool = False) -> socket.socket:
     Raises:
         AddressError: the address is not of this machine, or the port is not free.
     """
-    failure = f"cannot listen at {host}:{port}"
+    prefix = f"cannot listen at {host}:{port}"
     receiver, address = _socket(host, port)
     try:
-        if not many and _are_many(receiver.family, address):
-            text = f"{failure}: it is of all machines of a network; needed: an address of this one"
-            raise AddressError(text)
+        if not many and _is_multicast(receiver.family, address):
+            message = (
+                f"{prefix}: it is of all machines of a network; needed: an address of this one"
+            )
+            raise AddressError(message)
         receiver.bind(address)
     except OSError as error:
         receiver.close()
-        text = f"{failure}: {error.strerror or error}; needed: a free port of this machine"
-        raise AddressError(text) from None
+        message = f"{prefix}: {error.strerror or error}; needed: a free port of this machine"
+        raise AddressError(message) from None
     except BaseException:
         receiver.close()
         raise
@@ -74,17 +78,17 @@ def _socket(host: str, port: int) -> tuple[socket.socket, Any]:
         family, _, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
         return socket.socket(family, socket.SOCK_DGRAM), address
     except OSError as error:
-        why = error.strerror or str(error)
+        reason = error.strerror or str(error)
     except ValueError:  # labels that no host name may contain
-        why = "no host has such a name"
-    raise AddressError(f"{host!r} is no address: {why}; needed: an address such as 127.0.0.1")
+        reason = "no host has such a name"
+    raise AddressError(f"{host!r} is no address: {reason}; needed: an address such as 127.0.0.1")
 
 
-def _are_many(family: int, address: Any) -> bool:
+def _is_multicast(family: int, address: Any) -> bool:
     """Whether an address is multicast, or the system requires SO_BROADCAST for it."""
     ip = ipaddress.ip_address(str(address[0]))
-    inner = getattr(ip, "ipv4_mapped", None)
-    if (ip if inner is None else inner).is_multicast:
+    mapped_ip = getattr(ip, "ipv4_mapped", None)
+    if (ip if mapped_ip is None else mapped_ip).is_multicast:
         return True
     with socket.socket(family, socket.SOCK_DGRAM) as probe:
         try:

@@ -50,8 +50,10 @@ class Mistake:
     message: str
 
     def __str__(self) -> str:
-        place = self.file if self.line is None else f"{self.file}:{self.line}"
-        return f"{place}: {self.key}: {self.message}" if self.key else f"{place}: {self.message}"
+        location = self.file if self.line is None else f"{self.file}:{self.line}"
+        return (
+            f"{location}: {self.key}: {self.message}" if self.key else f"{location}: {self.message}"
+        )
 
 
 class FileError(FantocciniError):
@@ -103,7 +105,7 @@ class UnknownNameError(FantocciniError, KeyError):
 
     def __init__(self, kind: str, found: object, allowed: Iterable[str]):
         self.allowed = tuple(allowed)
-        self.message = f"no {kind} is called {found!r}{nearest(str(found), self.allowed)}"
+        self.message = f"no {kind} is called {found!r}{did_you_mean(str(found), self.allowed)}"
         super().__init__(self.message)
 
     def __str__(self) -> str:
@@ -254,7 +256,7 @@ class SweepStopped(FantocciniError):
         super().__init__(message)
 
 
-def nearest(found: str, allowed: Iterable[str]) -> str:
+def did_you_mean(found: str, allowed: Iterable[str]) -> str:
     """Clause that ends a message about a wrong name: "; did you mean 'x'?", or the valid names.
 
     Args:

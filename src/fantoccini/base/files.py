@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-_MARKS = {
+_BYTE_ORDER_MARKS = {
     codecs.BOM_UTF8: "utf-8",
     codecs.BOM_UTF16_LE: "utf-16-le",
     codecs.BOM_UTF16_BE: "utf-16-be",
@@ -29,8 +29,8 @@ def decoded(content: bytes) -> str:
 
     The mark is left out. Different names stay different in every encoding.
     """
-    mark = next((mark for mark in _MARKS if content.startswith(mark)), b"")
-    content, encoding = content.removeprefix(mark), _MARKS.get(mark, "utf-8")
+    bom = next((bom for bom in _BYTE_ORDER_MARKS if content.startswith(bom)), b"")
+    content, encoding = content.removeprefix(bom), _BYTE_ORDER_MARKS.get(bom, "utf-8")
     try:
         return content.decode(encoding)
     except UnicodeDecodeError:
@@ -76,15 +76,15 @@ def write_table(columns: Mapping[str, Sequence[Any] | np.ndarray], path: str | P
     Raises:
         FileNotFoundError: the folder does not exist.
     """
-    lists = [_plain(values) for values in columns.values()]
+    lists = [_as_list(values) for values in columns.values()]
     with replacing(path) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(columns)
         writer.writerows(zip(*lists, strict=True))
 
 
-def _plain(values: Sequence[Any] | np.ndarray) -> Sequence[Any]:
+def _as_list(values: Sequence[Any] | np.ndarray) -> Sequence[Any]:
     if not isinstance(values, np.ndarray):
         return values
-    listed: list[Any] = (values.astype(int) if values.dtype == bool else values).tolist()
-    return listed
+    numbers: list[Any] = (values.astype(int) if values.dtype == bool else values).tolist()
+    return numbers

@@ -21,24 +21,24 @@ _RELATIVE_TOLERANCE = 1e-9
 """Last Newton step, relative to u; the remaining error, its square, is below rounding."""
 
 
-def catenary(along: Vec3, length: ArrayLike) -> tuple[Array, Array, Array]:
+def catenary(between: Vec3, length: ArrayLike) -> tuple[Array, Array, Array]:
     """The curve of a thread: a, and the arc lengths s of both ends.
 
     Args:
-        along: (..., 3) vector from the first end to the last [m].
+        between: (..., 3) vector from the first end to the last [m].
         length: (...) length of the thread, greater than the distance of the ends [m].
 
     Returns:
         Three arrays (...) [m].
     """
     L = np.asarray(length, dtype=float)
-    horizontal = np.hypot(along[..., 0], along[..., 1])
+    horizontal = np.hypot(between[..., 0], between[..., 1])
     width, span = (
         np.maximum(horizontal, _MIN_RELATIVE_WIDTH * L),
-        np.sqrt(np.sum(along * along, axis=-1)),
+        np.sqrt(np.sum(between * between, axis=-1)),
     )
     u = _half_angle(0.5 * np.log1p((L - span) * (L + span) / (width * width)))
-    middle = along[..., 2] / np.tanh(u)
+    middle = between[..., 2] / np.tanh(u)
     return width / (2.0 * u), 0.5 * (middle - L), 0.5 * (middle + L)
 
 

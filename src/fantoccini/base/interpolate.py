@@ -64,30 +64,44 @@ def motion(
     """
     q, v, acc = (np.array(x[np.where(s < 1, left, right)]) for x in samples)
     h = t[right] - t[left]
-    inner = (s > 0) & (s < 1)
-    if not np.any(inner):
+    is_between = (s > 0) & (s < 1)
+    if not np.any(is_between):
         return q, v, acc
-    a, b, h = left[inner], right[inner], h[inner][:, None]
-    time = (s[inner] * h[:, 0])[:, None]
+    left_inner, right_inner, h = left[is_between], right[is_between], h[is_between][:, None]
+    time = (s[is_between] * h[:, 0])[:, None]
     q_all, v_all, acc_all = samples
     if scalars:
-        q_at, v_at = np.array(scalars).T
+        q_columns, v_columns = np.array(scalars).T
         start, end = (
-            (q_all[np.ix_(k, q_at)], v_all[np.ix_(k, v_at)], acc_all[np.ix_(k, v_at)])
-            for k in (a, b)
+            (
+                q_all[np.ix_(k, q_columns)],
+                v_all[np.ix_(k, v_columns)],
+                acc_all[np.ix_(k, v_columns)],
+            )
+            for k in (left_inner, right_inner)
         )
-        places, rates = (np.ix_(np.nonzero(inner)[0], at) for at in (q_at, v_at))
-        q[places], v[rates], acc[rates] = polynomial.evaluate(
+        q_block, v_block = (
+            np.ix_(np.nonzero(is_between)[0], columns) for columns in (q_columns, v_columns)
+        )
+        q[q_block], v[v_block], acc[v_block] = polynomial.evaluate(
             polynomial.hermite(h, start, end), time
         )
-    for place, row in quaternions:
-        spot, slot = slice(place, place + 4), slice(row, row + 3)
-        turn = rotation.between(q_all[a, spot], q_all[b, spot])
-        rate, curve = rotation.tangent_motion(turn, v_all[b, slot], acc_all[b, slot])
+    for q_start, v_start in quaternions:
+        q_slice, v_slice = slice(q_start, q_start + 4), slice(v_start, v_start + 3)
+        rotation_vector = rotation.between(q_all[left_inner, q_slice], q_all[right_inner, q_slice])
+        rate, rate_derivative = rotation.tangent_motion(
+            rotation_vector, v_all[right_inner, v_slice], acc_all[right_inner, v_slice]
+        )
         coef = polynomial.hermite(
-            h, (np.zeros_like(turn), v_all[a, slot], acc_all[a, slot]), (turn, rate, curve)
+            h,
+            (
+                np.zeros_like(rotation_vector),
+                v_all[left_inner, v_slice],
+                acc_all[left_inner, v_slice],
+            ),
+            (rotation_vector, rate, rate_derivative),
         )
         phi, first, second = polynomial.evaluate(coef, time)
-        q[inner, spot] = rotation.multiply(q_all[a, spot], rotation.exp(phi))
-        v[inner, slot], acc[inner, slot] = rotation.body_motion(phi, first, second)
+        q[is_between, q_slice] = rotation.multiply(q_all[left_inner, q_slice], rotation.exp(phi))
+        v[is_between, v_slice], acc[is_between, v_slice] = rotation.body_motion(phi, first, second)
     return q, v, acc

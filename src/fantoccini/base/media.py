@@ -7,7 +7,7 @@ from pathlib import Path
 
 from fantoccini.base.errors import FantocciniError
 
-SOUNDS = {".wav": "wav", ".mp3": "mp3", ".ogg": "ogg", ".oga": "ogg", ".flac": "flac"}
+SOUND_FORMATS = {".wav": "wav", ".mp3": "mp3", ".ogg": "ogg", ".oga": "ogg", ".flac": "flac"}
 """Ending of a sound file -> name of its format in ffmpeg."""
 
 _SAMPLE_RATE = 1000  # Hz
@@ -38,11 +38,13 @@ def sound_input(path: Path) -> list[str]:
     """ffmpeg's arguments that open a sound file, only from disk and only in its ending's format.
 
     Raises:
-        MediaError: the ending is not in :data:`SOUNDS`.
+        MediaError: the ending is not in :data:`SOUND_FORMATS`.
     """
-    format_name = SOUNDS.get(path.suffix.lower())
+    format_name = SOUND_FORMATS.get(path.suffix.lower())
     if format_name is None:
-        raise MediaError(f"ends in {path.suffix!r}; a sound file ends in {', '.join(SOUNDS)}")
+        raise MediaError(
+            f"ends in {path.suffix!r}; a sound file ends in {', '.join(SOUND_FORMATS)}"
+        )
     return ["-protocol_whitelist", "file", "-f", format_name, "-i", f"file:{path.absolute()}"]
 
 
@@ -72,12 +74,14 @@ def sound_duration(path: Path) -> float:
         "pipe:1",
     ]
     try:
-        done = subprocess.run(command, capture_output=True, timeout=_READING_TIMEOUT, check=False)
+        process = subprocess.run(
+            command, capture_output=True, timeout=_READING_TIMEOUT, check=False
+        )
     except subprocess.TimeoutExpired:
         raise MediaError(f"could not be read within {_READING_TIMEOUT:g} s") from None
-    seconds = len(done.stdout) / (2 * _SAMPLE_RATE)
-    if done.returncode != 0 or seconds == 0.0:
-        lines = done.stderr.decode("utf-8", "replace").strip().splitlines()
+    seconds = len(process.stdout) / (2 * _SAMPLE_RATE)
+    if process.returncode != 0 or seconds == 0.0:
+        lines = process.stderr.decode("utf-8", "replace").strip().splitlines()
         raise MediaError(f"is no sound that can be read: {lines[-1] if lines else 'it is empty'}")
     if seconds > _MAX_DURATION:
         raise MediaError(f"is longer than {_MAX_DURATION / 3600:g} hours")

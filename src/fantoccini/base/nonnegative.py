@@ -8,7 +8,7 @@ from fantoccini.base.arrays import Array
 
 TOLERANCE = 1e-14
 """Gradient, and relative change of the sum of squares, at which a solution counts as the least."""
-ROUNDS_PER_UNKNOWN = 10
+ITERATIONS_PER_UNKNOWN = 10
 """Maximum number of changes of the active set for each unknown."""
 
 
@@ -29,7 +29,7 @@ def nonnegative_least_squares(A: Array, b: Array) -> tuple[Array, float]:
 
     if A.shape[1] == 0:
         return np.zeros(0), float(np.linalg.norm(b))
-    rounds = ROUNDS_PER_UNKNOWN * A.shape[1]
-    result = lsq_linear(A, b, (0.0, np.inf), method="bvls", tol=TOLERANCE, max_iter=rounds)
+    max_iterations = ITERATIONS_PER_UNKNOWN * A.shape[1]
+    result = lsq_linear(A, b, (0.0, np.inf), method="bvls", tol=TOLERANCE, max_iter=max_iterations)
     x = np.maximum(result.x, 0.0)  # some are -1e-17
     return x, float(np.linalg.norm(A @ x - b))

@@ -52,12 +52,12 @@ UNREADABLE = (
 )
 """Errors that a damaged or foreign npz file causes, in NumPy or in code that uses its arrays."""
 
-_ENDING = ".npy"
+_SUFFIX = ".npy"
 _HEADERS: dict[tuple[int, int], Callable[[IO[bytes]], tuple[tuple[int, ...], bool, Any]]] = {
     (1, 0): np.lib.format.read_array_header_1_0,
     (2, 0): np.lib.format.read_array_header_2_0,
 }
-_KINDS = "biufcSU"
+_DTYPE_KINDS = "biufcSU"
 """Kinds of arrays that are plain numbers, flags or texts."""
 
 
@@ -75,34 +75,38 @@ def write(
         about: description of the arrays, stored as JSON.
         compressed: whether to compress; the file is smaller, and written more slowly.
     """
-    described = np.frombuffer(json.dumps(about).encode(), dtype=np.uint8)
-    entries: dict[str, Any] = {**arrays, ABOUT: described}
+    about_bytes = np.frombuffer(json.dumps(about).encode(), dtype=np.uint8)
+    entries: dict[str, Any] = {**arrays, ABOUT: about_bytes}
     with replacing(path) as temporary, temporary.open("wb") as file:
         (np.savez_compressed if compressed else np.savez)(file, **entries)
 
 
 def packed(prefix: str, contents: Mapping[str, bytes]) -> dict[str, Array]:
     """Contents of files as arrays; each array is called ``prefix`` + the file's name."""
-    return {prefix + n: np.frombuffer(data, dtype=np.uint8) for n, data in contents.items()}
+    return {prefix + name: np.frombuffer(data, dtype=np.uint8) for name, data in contents.items()}
 
 
 def unpacked(prefix: str, arrays: Mapping[str, Array]) -> dict[str, bytes]:
     """The inverse of :func:`packed`: contents of files, by name."""
-    return {n.removeprefix(prefix): x.tobytes() for n, x in arrays.items() if n.startswith(prefix)}
+    return {
+        name.removeprefix(prefix): array.tobytes()
+        for name, array in arrays.items()
+        if name.startswith(prefix)
+    }
 
 
 def read(
     path: str | Path,
-    only: str | None = None,
-    most: int | None = None,
+    array_name: str | None = None,
+    max_bytes: int | None = None,
     error: type[FileError] = FileError,
 ) -> dict[str, Array]:
     """The arrays of an npz file, by name.
 
     Args:
         path: path of the file.
-        only: name of the single array to read; all by default.
-        most: largest total size of the arrays [bytes]; from :data:`MAX_BYTES` by default.
+        array_name: name of the single array to read; all by default.
+        max_bytes: largest total size of the arrays [bytes]; from :data:`MAX_BYTES` by default.
         error: class of the error.
 
     Raises:
@@ -111,7 +115,7 @@ def read(
     """
     path = Path(path)
 
-    def wrong(entry: str, text: str) -> FileError:
+    def file_error(entry: str, text: str) -> FileError:
         return error([Mistake(str(path), None, entry, text)])
 
     try:
@@ -119,54 +123,57 @@ def read(
         with zipfile.ZipFile(path) as archive:
             entries = archive.infolist()
             names = [item.filename for item in entries]
-            check_names(names, wrong)
-            need, allowed = sum(x.file_size for x in entries), max(MAX_BYTES, MAX_GROWTH * size)
-            if most is not None:
-                allowed = most
-            if need > allowed:
-                raise wrong(
+            check_names(names, file_error)
+            n_bytes, n_allowed = (
+                sum(x.file_size for x in entries),
+                max(MAX_BYTES, MAX_GROWTH * size),
+            )
+            if max_bytes is not None:
+                n_allowed = max_bytes
+            if n_bytes > n_allowed:
+                raise file_error(
                     "",
-                    f"its arrays need {need / 1e6:,.0f} MB; allowed for this file: "
-                    f"{allowed / 1e6:,.0f} MB",
+                    f"its arrays need {n_bytes / 1e6:,.0f} MB; allowed for this file: "
+                    f"{n_allowed / 1e6:,.0f} MB",
                 )
             arrays = {}
             for item in entries:
-                name = item.filename.removesuffix(_ENDING)
-                if only not in (None, name):
+                name = item.filename.removesuffix(_SUFFIX)
+                if array_name not in (None, name):
                     continue
                 try:
                     with archive.open(item) as file:
                         arrays[name] = _array(file, item.file_size)
-                except UNREADABLE as trouble:
-                    raise wrong(name, f"is not a plain array: {_reason(trouble)}") from None
+                except UNREADABLE as reason:
+                    raise file_error(name, f"is not a plain array: {_text_of(reason)}") from None
             return arrays
     except FileNotFoundError:
-        raise wrong("", "there is no such file") from None
+        raise file_error("", "there is no such file") from None
     except FileError:
         raise
-    except UNREADABLE as trouble:
-        raise wrong("", f"is not an npz file of plain arrays: {_reason(trouble)}") from None
+    except UNREADABLE as reason:
+        raise file_error("", f"is not an npz file of plain arrays: {_text_of(reason)}") from None
 
 
 @contextmanager
 def opened(
-    path: str | Path, form: str | tuple[str, ...], what: str
+    path: str | Path, formats: str | tuple[str, ...], noun: str
 ) -> Iterator[tuple[dict[str, Array], dict[str, Any]]]:
     """The :func:`contents` of a file; errors of the block become located errors."""
-    arrays_and_about = contents(path, form, what)
-    with understanding(path, what):
+    arrays_and_about = contents(path, formats, noun)
+    with unreadable_as(path, noun):
         yield arrays_and_about
 
 
 def contents(
-    path: str | Path, form: str | tuple[str, ...], what: str
+    path: str | Path, formats: str | tuple[str, ...], noun: str
 ) -> tuple[dict[str, Array], dict[str, Any]]:
     """The arrays of an npz file, and the values in its ``about``.
 
     Args:
         path: path of the file.
-        form: allowed ``format`` in ``about``, or several.
-        what: noun for such files in messages.
+        formats: allowed ``format`` in ``about``, or several.
+        noun: noun for such files in messages.
 
     Raises:
         FileError: the file cannot be read (see :func:`read`), or its format is not allowed.
@@ -174,12 +181,12 @@ def contents(
     arrays = read(path)
     try:
         about = about_of(arrays)
-        forms = (form,) if isinstance(form, str) else form
+        forms = (formats,) if isinstance(formats, str) else formats
         if about["format"] not in forms:
             reads = " and ".join(map(repr, forms))
             raise ValueError(f"has the format {about['format']!r}; this version reads {reads}")
-    except UNREADABLE as trouble:
-        raise _cannot_read(path, what, trouble, ABOUT) from None
+    except UNREADABLE as reason:
+        raise _cannot_read(path, noun, reason, ABOUT) from None
     del arrays[ABOUT]
     return arrays, about
 
@@ -195,16 +202,16 @@ def about_of(arrays: Mapping[str, Array]) -> dict[str, Any]:
 
 
 @contextmanager
-def understanding(path: str | Path, what: str) -> Iterator[None]:
-    """Turns errors of the block into one located error: the file is not ``what``."""
+def unreadable_as(path: str | Path, noun: str) -> Iterator[None]:
+    """Turns errors of the block into one located error: the file is not ``noun``."""
     try:
         yield
-    except FileError as trouble:
-        if all(problem.file == str(path) for problem in trouble.mistakes):
+    except FileError as reason:
+        if all(mistake.file == str(path) for mistake in reason.mistakes):
             raise
-        raise _cannot_read(path, what, trouble) from trouble
-    except UNREADABLE as trouble:
-        raise _cannot_read(path, what, trouble) from trouble
+        raise _cannot_read(path, noun, reason) from reason
+    except UNREADABLE as reason:
+        raise _cannot_read(path, noun, reason) from reason
 
 
 def checked(
@@ -227,11 +234,11 @@ def checked(
     fits = len(array.shape) == len(shape) and all(
         n in (None, m) for n, m in zip(shape, array.shape, strict=True)
     )
-    wanted = np.dtype({"f": np.float64, "b": np.bool_, "i": np.int64}[kind])
-    if array.dtype != wanted or not fits:
+    dtype = np.dtype({"f": np.float64, "b": np.bool_, "i": np.int64}[kind])
+    if array.dtype != dtype or not fits:
         size = tuple("any" if n is None else n for n in shape)
         raise ValueError(
-            f"{name} is {array.dtype} of the shape {array.shape}; it must be {wanted} of the shape "
+            f"{name} is {array.dtype} of the shape {array.shape}; it must be {dtype} of the shape "
             f"({', '.join(map(str, size))})"
         )
     return array
@@ -259,23 +266,23 @@ def text(value: Any, name: str) -> str:
     return value
 
 
-def _cannot_read(path: str | Path, noun: str, trouble: BaseException, entry: str = "") -> FileError:
-    message = f"is not {noun} that this version can read: {_reason(trouble)}"
+def _cannot_read(path: str | Path, noun: str, reason: BaseException, entry: str = "") -> FileError:
+    message = f"is not {noun} that this version can read: {_text_of(reason)}"
     return FileError([Mistake(str(path), None, entry, message)])
 
 
-def _reason(trouble: BaseException) -> str:
-    return str(trouble) or type(trouble).__name__
+def _text_of(reason: BaseException) -> str:
+    return str(reason) or type(reason).__name__
 
 
-def check_names(names: list[str], wrong: Callable[[str, str], FileError]) -> None:
-    """Raises ``wrong(name, message)`` if an entry is not an array or exists twice."""
+def check_names(names: list[str], file_error: Callable[[str, str], FileError]) -> None:
+    """Raises ``file_error(name, message)`` if an entry is not an array or exists twice."""
     seen = set()
     for name in names:
-        if not name.endswith(_ENDING):
-            raise wrong(name, f"is no array; arrays are called NAME{_ENDING}")
+        if not name.endswith(_SUFFIX):
+            raise file_error(name, f"is no array; arrays are called NAME{_SUFFIX}")
         if name in seen:
-            raise wrong(name.removesuffix(_ENDING), "exists twice")
+            raise file_error(name.removesuffix(_SUFFIX), "exists twice")
         seen.add(name)
 
 
@@ -286,7 +293,7 @@ def _array(file: IO[bytes], size: int) -> Array:
         allowed = ", ".join(map(str, _HEADERS))
         raise ValueError(f"has a header of version {version}; allowed: {allowed}")
     shape, fortran, dtype = _HEADERS[version](file)
-    if dtype.kind not in _KINDS or dtype.hasobject:
+    if dtype.kind not in _DTYPE_KINDS or dtype.hasobject:
         raise ValueError(f"holds {dtype}; allowed: numbers, flags and texts")
     need, left = math.prod(shape) * dtype.itemsize, size - file.tell()
     if need != left or any(n < 0 for n in shape):

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from fantoccini.base.errors import MissingLibraryError
 
-_PARSERS = ("osc_message", "osc_bundle")
+_PARSER_MODULES = ("osc_message", "osc_bundle")
 """Modules of python-osc that log a line for each datagram that they read in part."""
 
 
@@ -37,10 +37,10 @@ def osc_library() -> OscLibrary:
     except ImportError:
         raise MissingLibraryError("OSC", "python-osc", "osc") from None
     # The parsers use the root logger, which has no switch of their own.
-    logging.getLogger().addFilter(_is_of_another)
+    logging.getLogger().addFilter(_is_not_from_parsers)
     return OscLibrary(OscPacket, OscMessageBuilder, OscBundleBuilder)
 
 
-def _is_of_another(record: logging.LogRecord) -> bool:
+def _is_not_from_parsers(record: logging.LogRecord) -> bool:
     """Whether a record is not one of python-osc's parsers."""
-    return record.module not in _PARSERS
+    return record.module not in _PARSER_MODULES

@@ -17,7 +17,7 @@ N_COEF = 6
 
 MINIMUM_JERK = np.array([0.0, 0.0, 0.0, 10.0, -15.0, 6.0])
 """(6,) coefficients of a move from rest at 0 to rest at 1 in a time of 1."""
-_MINIMUM_JERK_PEAKS = 1.875, 5.7735
+_MINIMUM_JERK_MAXIMA = 1.875, 5.7735
 """Largest speed and acceleration of a minimum-jerk move by 1 in a time of 1."""
 
 _TO_BEZIER = np.array(
@@ -29,11 +29,11 @@ _MIN_SPEED = 1e-200
 """Speeds up to this count as 0, since their reciprocals overflow [1/s times the value's unit]."""
 
 
-Ends = tuple[ArrayLike, ArrayLike, ArrayLike]
+Motion = tuple[ArrayLike, ArrayLike, ArrayLike]
 """Value, first and second derivative."""
 
 
-def hermite(h: Array, start: Ends, end: Ends) -> Array:
+def hermite(h: Array, start: Motion, end: Motion) -> Array:
     """The quintic with given value, first and second derivative at both ends.
 
     Args:
@@ -63,23 +63,23 @@ def hermite(h: Array, start: Ends, end: Ends) -> Array:
 
 def minimum_jerk(s: Array) -> tuple[Array, Array, Array]:
     """10 s^3 - 15 s^4 + 6 s^5, from rest at 0 to rest at 1, with first and second derivative."""
-    way = s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
-    return way, 30.0 * s**2 * (1.0 - s) ** 2, 60.0 * s * (1.0 - s) * (1.0 - 2.0 * s)
+    position = s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
+    return position, 30.0 * s**2 * (1.0 - s) ** 2, 60.0 * s * (1.0 - s) * (1.0 - 2.0 * s)
 
 
 def minimum_jerk_duration(
-    way: Array | float, speed: Array | float, acceleration: Array | float = np.inf
+    distance: Array | float, speed: Array | float, acceleration: Array | float = np.inf
 ) -> float:
     """Shortest duration of minimum-jerk moves that keep within bounds [s].
 
     Args:
-        way: distances [m or rad].
+        distance: distances [m or rad].
         speed, acceleration: bounds of speed and acceleration.
     """
-    fastest, hardest = _MINIMUM_JERK_PEAKS
+    max_speed, max_acceleration = _MINIMUM_JERK_MAXIMA
     return max(
-        float(np.max(fastest * way / speed, initial=0.0)),
-        float(np.max(np.sqrt(hardest * way / acceleration), initial=0.0)),
+        float(np.max(max_speed * distance / speed, initial=0.0)),
+        float(np.max(np.sqrt(max_acceleration * distance / acceleration), initial=0.0)),
     )
 
 
@@ -127,11 +127,11 @@ def shifted(coef: Array, d: Array) -> Array:
     Returns:
         (n, m, 6).
     """
-    moved, d = np.array(coef), np.asarray(d)[:, None]
-    for first in range(N_COEF - 1):
-        for k in range(N_COEF - 2, first - 1, -1):
-            moved[..., k] += d * moved[..., k + 1]
-    return moved
+    shifted_coef, d = np.array(coef), np.asarray(d)[:, None]
+    for lowest in range(N_COEF - 1):
+        for k in range(N_COEF - 2, lowest - 1, -1):
+            shifted_coef[..., k] += d * shifted_coef[..., k + 1]
+    return shifted_coef
 
 
 def monotone_slopes(t: Array, values: Array) -> Array:
@@ -192,32 +192,32 @@ def monotone_slopes_along(t: Array, values: Array, change: Array) -> tuple[Array
     secant, rate = np.diff(values) / h, np.diff(change) / h
     slopes, smooth = np.zeros(len(t)), True
     for j in range(1, len(t) - 1):
-        part = slice(j - 1, j + 1)
-        if np.any(rate[part] != 0.0):
-            slopes[j], own = _slope_along(h[part], secant[part], rate[part])
-            smooth &= own
+        pair = slice(j - 1, j + 1)
+        if np.any(rate[pair] != 0.0):
+            slopes[j], is_smooth = _slope_along(h[pair], secant[pair], rate[pair])
+            smooth &= is_smooth
     return slopes, bool(smooth)
 
 
 def _slope_along(h: Array, secant: Array, rate: Array) -> tuple[float, bool]:
     """The one-sided derivative of the slope between two secants (2,), and whether it is smooth."""
-    still = np.abs(secant) <= _MIN_SPEED
-    if np.all(still):  # homogeneous: only the rates count
-        turns = rate[0] * rate[1] <= 0
-        return 0.0 if turns else float(np.sign(rate[0]) * mean_speed(h, np.abs(rate))[0]), False
+    at_rest = np.abs(secant) <= _MIN_SPEED
+    if np.all(at_rest):  # homogeneous: only the rates count
+        reverses = rate[0] * rate[1] <= 0
+        return 0.0 if reverses else float(np.sign(rate[0]) * mean_speed(h, np.abs(rate))[0]), False
     weight = np.array([2 * h[1] + h[0], h[1] + 2 * h[0]])
-    part = weight / weight.sum()
-    if np.any(still):
-        i = int(np.argmax(still))
+    share = weight / weight.sum()
+    if np.any(at_rest):
+        i = int(np.argmax(at_rest))
         # Near 0 the mean is the small secant divided by its relative weight.
-        grows = rate[i] * secant[1 - i] > 0
-        return float(min(1.0 / part[i], 2.0) * rate[i]) if grows else 0.0, False
+        rises = rate[i] * secant[1 - i] > 0
+        return float(min(1.0 / share[i], 2.0) * rate[i]) if rises else 0.0, False
     if np.sign(secant[0]) != np.sign(secant[1]):
         return 0.0, True
     sign, speed = np.sign(secant[0]), np.abs(secant)
-    mean, bound = 1.0 / np.sum(part / speed), 2 * np.min(speed)
-    of_mean = mean**2 * np.sum(part * sign * rate / speed**2)
-    of_bound = 2 * sign * rate[np.argmin(speed)]
+    mean, bound = 1.0 / np.sum(share / speed), 2 * np.min(speed)
+    mean_rate = mean**2 * np.sum(share * sign * rate / speed**2)
+    bound_rate = 2 * sign * rate[np.argmin(speed)]
     if mean == bound:
-        return float(sign * min(of_mean, of_bound)), False
-    return float(sign * (of_mean if mean < bound else of_bound)), True
+        return float(sign * min(mean_rate, bound_rate)), False
+    return float(sign * (mean_rate if mean < bound else bound_rate)), True

@@ -81,15 +81,17 @@ def reporting(
     began = time.monotonic()
     bar: Bar | None = None
 
-    def show(at: Progress) -> None:
+    def show(progress: Progress) -> None:
         nonlocal bar
         if bar is None and sys.stderr.isatty() and time.monotonic() - began >= delay:
             bar = progress_bar(counted, transient=delay > 0.0)
             bar.add_task(title, total=None)
             bar.start()
         if bar is not None:
-            text = f"{title}, {at.failed} failed" if at.failed else title
-            bar.update(bar.task_ids[0], completed=at.done, total=at.total, description=text)
+            text = f"{title}, {progress.failed} failed" if progress.failed else title
+            bar.update(
+                bar.task_ids[0], completed=progress.done, total=progress.total, description=text
+            )
 
     try:
         yield show

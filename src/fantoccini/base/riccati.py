@@ -41,14 +41,14 @@ def step(
 
 
 def gains(
-    A: Array, B: Array, Q: Array, R: Array, end: Array, S: Array | None = None
+    A: Array, B: Array, Q: Array, R: Array, end_cost: Array, S: Array | None = None
 ) -> tuple[Array, Array]:
     """The gains of m stages.
 
     Args:
         A, B: (m, n_z, n_z), (m, n_z, n_u).
         Q, R: weights of every stage (m, ...), or the same for all.
-        end: (n_z, n_z) P_m.
+        end_cost: (n_z, n_z) P_m.
         S: (m, n_z, n_u); 0 by default.
 
     Returns:
@@ -57,7 +57,7 @@ def gains(
     m, n_z, n_u = B.shape
     Q, R = np.broadcast_to(Q, (m, n_z, n_z)), np.broadcast_to(R, (m, n_u, n_u))
     K, P = np.zeros((m, n_u, n_z)), np.zeros((m + 1, n_z, n_z))
-    P[m] = end
+    P[m] = end_cost
     for k in reversed(range(m)):
         K[k], P[k] = step(A[k], B[k], Q[k], R[k], P[k + 1], None if S is None else S[k])
     return K, P
@@ -83,6 +83,10 @@ def stationary_gain(A: Array, B: Array, Q: Array, R: Array, doublings: int) -> A
     identity, P, C = np.eye(len(A)), np.broadcast_to(Q, G.shape), np.broadcast_to(A, G.shape)
     for _ in range(doublings):
         solution = np.linalg.solve(identity + G @ P, np.concatenate([C, G], axis=-1))
-        ahead, spread = solution[..., : len(A)], solution[..., len(A) :]
-        G, P, C = G + C @ spread @ C.swapaxes(-1, -2), P + ahead.swapaxes(-1, -2) @ P @ C, C @ ahead
+        propagated, solved_G = solution[..., : len(A)], solution[..., len(A) :]
+        G, P, C = (
+            G + C @ solved_G @ C.swapaxes(-1, -2),
+            P + propagated.swapaxes(-1, -2) @ P @ C,
+            C @ propagated,
+        )
     return step(A, B, Q, R, P)[0]

@@ -53,10 +53,10 @@ _C = [
 def multiply(p: Quaternion, q: Quaternion) -> Quaternion:
     """Quaternion product p q: R(p q) = R(p) R(q)."""
     p, q = np.asarray(p, dtype=float), np.asarray(q, dtype=float)
-    pw, pv = p[..., :1], p[..., 1:]
-    qw, qv = q[..., :1], q[..., 1:]
-    w = pw * qw - np.sum(pv * qv, axis=-1, keepdims=True)
-    return np.concatenate([w, pw * qv + qw * pv + cross(pv, qv)], axis=-1)
+    p_w, p_v = p[..., :1], p[..., 1:]
+    q_w, q_v = q[..., :1], q[..., 1:]
+    w = p_w * q_w - np.sum(p_v * q_v, axis=-1, keepdims=True)
+    return np.concatenate([w, p_w * q_v + q_w * p_v + cross(p_v, q_v)], axis=-1)
 
 
 def conjugate(q: Quaternion) -> Quaternion:
@@ -110,8 +110,8 @@ def between(p: Quaternion, q: Quaternion) -> Vec3:
 def continuous(q: Quaternion) -> Quaternion:
     """(n, 4) quaternions of the same rotations, with signs that make neighbours closest."""
     q = np.asarray(q, dtype=float)
-    turn = np.where(np.sum(q[1:] * q[:-1], axis=-1) < 0, -1.0, 1.0)
-    return q * np.concatenate([[1.0], np.cumprod(turn)])[:, None]
+    signs = np.where(np.sum(q[1:] * q[:-1], axis=-1) < 0, -1.0, 1.0)
+    return q * np.concatenate([[1.0], np.cumprod(signs)])[:, None]
 
 
 def shortest(a: Vec3, b: Vec3) -> Quaternion:
@@ -125,9 +125,9 @@ def shortest(a: Vec3, b: Vec3) -> Quaternion:
     """
     a, b = np.broadcast_arrays(a, b)
     w = 1.0 + np.sum(a * b, axis=-1, keepdims=True)
-    half_turn = np.concatenate([np.zeros_like(w), perpendicular(a)], axis=-1)
-    turn = np.concatenate([w, cross(a, b)], axis=-1)
-    return normalised(np.where(w < _MAX_OPPOSITE, half_turn, turn))
+    half_turns = np.concatenate([np.zeros_like(w), perpendicular(a)], axis=-1)
+    quaternions = np.concatenate([w, cross(a, b)], axis=-1)
+    return normalised(np.where(w < _MAX_OPPOSITE, half_turns, quaternions))
 
 
 def quaternion(R: Array) -> Quaternion:
@@ -203,9 +203,9 @@ def skew_rows(x: Any, y: Any, z: Any) -> Rows:
     return [[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]
 
 
-def nearest_angle(angle: Any, to: Any) -> Any:
+def nearest_angle(angle: Any, reference: Any) -> Any:
     """An angle shifted by whole turns to within half a turn of another [rad]."""
-    return angle - math.tau * np.round((angle - to) / math.tau)
+    return angle - math.tau * np.round((angle - reference) / math.tau)
 
 
 def right_jacobian(phi: Vec3) -> Array:
@@ -252,13 +252,13 @@ def right_jacobian_rate(phi: Vec3, rate: Vec3) -> Array:
         (..., 3, 3) [1/s].
     """
     a, b, a_rate, b_rate = _coefficients(phi)
-    along = np.sum(np.asarray(phi) * rate, axis=-1)[..., None, None]
-    cross, turn = skew(phi), skew(rate)
+    phi_rate = np.sum(np.asarray(phi) * rate, axis=-1)[..., None, None]
+    cross, rate_cross = skew(phi), skew(rate)
     return (
-        -a_rate * along * cross
-        - a * turn
-        + b_rate * along * (cross @ cross)
-        + b * (cross @ turn + turn @ cross)
+        -a_rate * phi_rate * cross
+        - a * rate_cross
+        + b_rate * phi_rate * (cross @ cross)
+        + b * (cross @ rate_cross + rate_cross @ cross)
     )
 
 

@@ -20,14 +20,14 @@ class ShortRepr:
     def __repr__(self) -> str:
         fields = dataclasses.fields(self)  # type: ignore[arg-type]
         parts = [
-            f"{f.name} {_short(getattr(self, f.name))}"
+            f"{f.name} {_short_text(getattr(self, f.name))}"
             for f in fields
             if not f.name.startswith("_")
         ]
         return f"<{type(self).__name__}: {', '.join(parts)}>"
 
 
-def _short(value: object) -> str:
+def _short_text(value: object) -> str:
     if isinstance(value, np.ndarray):
         return "x".join(map(str, value.shape)) or "number"
     if isinstance(value, str | bool | int | float | complex | None):

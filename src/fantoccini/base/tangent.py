@@ -27,22 +27,26 @@ def moved(scalars: IndexPairs, quaternions: IndexPairs, q: Array, move: Array) -
     Returns:
         (..., n_q).
     """
-    lead = np.broadcast_shapes(q.shape[:-1], move.shape[:-1])
-    out = np.broadcast_to(q, (*lead, q.shape[-1])).copy()
-    for at, v in scalars:
-        out[..., at] += move[..., v]
-    for at, v in quaternions:
-        turned = rotation.multiply(out[..., at : at + 4], rotation.exp(move[..., v : v + 3]))
-        out[..., at : at + 4] = turned / np.linalg.norm(turned, axis=-1, keepdims=True)
+    shape = np.broadcast_shapes(q.shape[:-1], move.shape[:-1])
+    out = np.broadcast_to(q, (*shape, q.shape[-1])).copy()
+    for q_start, v in scalars:
+        out[..., q_start] += move[..., v]
+    for q_start, v in quaternions:
+        turned = rotation.multiply(
+            out[..., q_start : q_start + 4], rotation.exp(move[..., v : v + 3])
+        )
+        out[..., q_start : q_start + 4] = turned / np.linalg.norm(turned, axis=-1, keepdims=True)
     return out
 
 
 def between(scalars: IndexPairs, quaternions: IndexPairs, p: Array, q: Array, n_v: int) -> Array:
     """The tangent vectors (..., n_v) that move p to q; rotations turn the shorter way."""
-    lead = np.broadcast_shapes(p.shape[:-1], q.shape[:-1])
-    out = np.zeros((*lead, n_v))
-    for at, v in scalars:
-        out[..., v] = q[..., at] - p[..., at]
-    for at, v in quaternions:
-        out[..., v : v + 3] = rotation.between(p[..., at : at + 4], q[..., at : at + 4])
+    shape = np.broadcast_shapes(p.shape[:-1], q.shape[:-1])
+    out = np.zeros((*shape, n_v))
+    for q_start, v in scalars:
+        out[..., v] = q[..., q_start] - p[..., q_start]
+    for q_start, v in quaternions:
+        out[..., v : v + 3] = rotation.between(
+            p[..., q_start : q_start + 4], q[..., q_start : q_start + 4]
+        )
     return out

@@ -6,13 +6,15 @@ import numpy as np
 
 from fantoccini.base.arrays import Array, Vec3
 
-_NEXT, _LAST = [1, 2, 0], [2, 0, 1]
+_NEXT_AXIS, _PREVIOUS_AXIS = [1, 2, 0], [2, 0, 1]
 """Axes after and before x, y and z."""
 
 
 def cross(a: Vec3, b: Vec3) -> Vec3:
     """a x b (..., 3); ten times as fast as NumPy's for a few vectors."""
-    product: Vec3 = a[..., _NEXT] * b[..., _LAST] - a[..., _LAST] * b[..., _NEXT]
+    product: Vec3 = (
+        a[..., _NEXT_AXIS] * b[..., _PREVIOUS_AXIS] - a[..., _PREVIOUS_AXIS] * b[..., _NEXT_AXIS]
+    )
     return product
 
 

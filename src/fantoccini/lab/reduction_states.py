@@ -26,7 +26,7 @@ GYRATION_RADIUS = 0.1
 def without_drives(marionette: Marionette) -> Marionette:
     """The puppet with inputs in place of its drives; raises as :func:`validate_reduction`."""
     refuse_contact(marionette, "reduction")
-    puppet, progress = marionette.described, marionette.libraries.progress
+    puppet, progress = marionette.current_puppet, marionette.libraries.progress
     mixed = Marionette(puppet.model_copy(update={"drives": ()}), progress)
     if mixed.coordinates.n_vK == 0:
         file, _ = puppet.locate(puppet.name)

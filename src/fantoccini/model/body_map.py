@@ -9,7 +9,7 @@ from functools import cached_property
 
 from fantoccini.model.puppet import LimbKind, Mirror, Rig, RigHead, RigLimb, Side, twin_name
 
-RANKS = {2: ("front", "hind"), 3: ("front", "middle", "hind")}
+RANK_WORDS = {2: ("front", "hind"), 3: ("front", "middle", "hind")}
 """Number of limbs of one kind on a side -> words in their names, from the front."""
 
 
@@ -93,9 +93,9 @@ class BodyMap:
 
     def strings_of(self, part: str) -> tuple[str, ...]:
         """Names of the strings that move ``trunk``, ``head`` or a limb; empty for other parts."""
-        own = {"trunk": self.carrying, "head": self.looking}
+        trunk_and_head = {"trunk": self.carrying, "head": self.looking}
         limb = self.parts.get(part)
-        return own.get(part, ()) if limb is None else limb.strings
+        return trunk_and_head.get(part, ()) if limb is None else limb.strings
 
     def doubt(self, part: str) -> str:
         """Reasons for doubt about a part, joined by semicolons; empty without doubt."""
@@ -115,14 +115,14 @@ def rig_of(body_map: BodyMap, mirror: Mirror | None = None) -> Rig:
             return names
         return tuple(twin_name(name, mirror.from_, mirror.to) for name in names)
 
-    def halved(names: tuple[str, ...]) -> tuple[str, ...]:
+    def originals_of(names: tuple[str, ...]) -> tuple[str, ...]:
         images = {t for name, t in zip(names, twins(names), strict=True) if t != name}
         return tuple(name for name in names if name not in images)
 
-    known = {(limb.bodies, limb.strings) for limb in body_map.limbs}
+    limb_keys = {(limb.bodies, limb.strings) for limb in body_map.limbs}
     images = {
         twin
-        for bodies, strings in known
+        for bodies, strings in limb_keys
         if (twin := (twins(bodies), twins(strings))) != (bodies, strings)
     }
     limbs = [
@@ -138,8 +138,8 @@ def rig_of(body_map: BodyMap, mirror: Mirror | None = None) -> Rig:
         head=None if head is None else RigHead(body=head.body, end=head.end),
         limbs=tuple(limbs),
         facing=body_map.facing,
-        carrying=halved(body_map.carrying),
-        looking=halved(body_map.looking),
+        carrying=originals_of(body_map.carrying),
+        looking=originals_of(body_map.looking),
         control=body_map.control or None,
     )
 
@@ -151,7 +151,7 @@ def _names(limbs: tuple[Limb, ...]) -> tuple[str, ...]:
     names = []
     for limb in limbs:
         key = (limb.kind, limb.side)
-        ranks = RANKS.get(total[key], tuple(map(str, range(1, total[key] + 1))))
+        ranks = RANK_WORDS.get(total[key], tuple(map(str, range(1, total[key] + 1))))
         rank = [ranks[count[key]]] if total[key] > 1 else []
         count[key] += 1
         side = [] if limb.side == "middle" else [limb.side]

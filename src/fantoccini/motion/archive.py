@@ -23,7 +23,7 @@ RECORDING_FORMAT = "fantoccini.recording.3"
 RECORDING_FORMATS = (RECORDING_FORMAT, "fantoccini.recording.2")
 """Formats of recordings that can be read."""
 _ARRAYS = ("t", "q_D", "v_D", "acc_D", "q_K", "v_K", "acc_K")
-_TABLES = (
+_COLUMN_FIELDS = (
     "tension",
     "limit_force",
     "taut",
@@ -33,9 +33,9 @@ _TABLES = (
     "slip",
     "undetermined",
 )
-_FLAGS = ("taut", "undetermined")
+_FLAG_FIELDS = ("taut", "undetermined")
 """Tables whose values are flags."""
-_POINTS = {
+_POINT_SHAPES = {
     "sample": (),
     "pair": (),
     "gap": (),
@@ -45,12 +45,12 @@ _POINTS = {
     "velocity": (3,),
 }
 """Arrays of contact points -> their shapes without the first axis."""
-_WHOLE = ("sample", "pair")
-_NUMBERS = ("t", "impulse", "speed")
+_INDEX_ARRAYS = ("sample", "pair")
+_EVENT_NUMBERS = ("t", "impulse", "speed")
 _MESH = "mesh:"
 _CONTACT = "contact:"
 _RESIDUAL = "contact_residual"
-_folders: list[TemporaryDirectory[str]] = []
+_temporary_folders: list[TemporaryDirectory[str]] = []
 
 
 def save(fields: Mapping[str, Any], path: str | Path) -> None:
@@ -60,7 +60,7 @@ def save(fields: Mapping[str, Any], path: str | Path) -> None:
 
 def contents_of(fields: Mapping[str, Any]) -> tuple[dict[str, Array], dict[str, Any]]:
     """The fields of a trajectory as arrays by name, and the others as values for JSON."""
-    tables: dict[str, Columns] = {n: fields[n] for n in _TABLES if fields[n] is not None}
+    tables: dict[str, Columns] = {n: fields[n] for n in _COLUMN_FIELDS if fields[n] is not None}
     table: CoordinateTable = fields["coordinates"]
     events: tuple[EventRecord, ...] = fields["events"]
     puppet: Puppet | None = fields["puppet"]
@@ -69,24 +69,24 @@ def contents_of(fields: Mapping[str, Any]) -> tuple[dict[str, Array], dict[str, 
         "method": fields["method"],
         "status": fields["status"].name,
         "blamed": fields["causes"],
-        "columns": {name: [named.what, *named.names] for name, named in tables.items()},
+        "columns": {name: [columns.noun, *columns.names] for name, columns in tables.items()},
         "events": [[event.kind, event.name] for event in events],
         "events_recorded": fields["events_recorded"],
         "coordinates": table_to_json(table),
         "puppet": None if puppet is None else puppet.to_yaml(),
     }
     arrays = {name: fields[name] for name in _ARRAYS}
-    arrays |= {name: named.values for name, named in tables.items()}
-    arrays["events"] = np.array([[getattr(e, x) for x in _NUMBERS] for e in events]).reshape(
-        -1, len(_NUMBERS)
-    )
+    arrays |= {name: columns.values for name, columns in tables.items()}
+    arrays["events"] = np.array(
+        [[getattr(e, number) for number in _EVENT_NUMBERS] for e in events]
+    ).reshape(-1, len(_EVENT_NUMBERS))
     arrays["start_D"], arrays["start_K"] = table.start_D, table.start_K
     if fields[_RESIDUAL] is not None:
         arrays[_RESIDUAL] = fields[_RESIDUAL]
     contact: ContactPoints | None = fields["contact"]
     if contact is not None:
         about["contact"] = contact.names
-        arrays |= {f"{_CONTACT}{name}": getattr(contact, name) for name in _POINTS}
+        arrays |= {f"{_CONTACT}{name}": getattr(contact, name) for name in _POINT_SHAPES}
     if puppet is not None:
         arrays |= npz.packed(_MESH, mesh_files(puppet))
     return arrays, about
@@ -105,19 +105,19 @@ def fields_of(arrays: Mapping[str, Array], about: Mapping[str, Any], path: str) 
         name: npz.checked(arrays, name, (n, width))
         for name, width in zip(_ARRAYS[1:], widths, strict=True)
     }
-    if unknown := set(about["columns"]) - set(_TABLES):
+    if unknown := set(about["columns"]) - set(_COLUMN_FIELDS):
         raise ValueError(f"columns has {', '.join(map(repr, unknown))}")
     tables = {}
-    for name, named in about["columns"].items():
-        what, *names = npz.texts(named, f"columns.{name}")
-        column = npz.checked(arrays, name, (n, len(names)), "b" if name in _FLAGS else "f")
-        tables[name] = Columns(tuple(names), column, what)
+    for name, labels in about["columns"].items():
+        noun, *names = npz.texts(labels, f"columns.{name}")
+        column = npz.checked(arrays, name, (n, len(names)), "b" if name in _FLAG_FIELDS else "f")
+        tables[name] = Columns(tuple(names), column, noun)
     events = []
-    numbers = npz.checked(arrays, "events", (len(about["events"]), len(_NUMBERS)))
+    numbers = npz.checked(arrays, "events", (len(about["events"]), len(_EVENT_NUMBERS)))
     for event, row in zip(about["events"], numbers, strict=True):
         kind, name = npz.texts(event, "an event")
-        values = dict(zip(_NUMBERS, row, strict=True))
-        events.append(EventRecord(kind=EventKind(kind), name=name, **values))
+        event_numbers = dict(zip(_EVENT_NUMBERS, row, strict=True))
+        events.append(EventRecord(kind=EventKind(kind), name=name, **event_numbers))
     puppet = about["puppet"]
     if puppet is not None:
         puppet = restored(npz.text(puppet, "puppet"), path, npz.unpacked(_MESH, arrays))
@@ -138,24 +138,24 @@ def fields_of(arrays: Mapping[str, Array], about: Mapping[str, Any], path: str) 
     }
 
 
-def _contact(arrays: Mapping[str, Array], listed: Any, n: int) -> ContactPoints | None:
+def _contact(arrays: Mapping[str, Array], pairs: Any, n: int) -> ContactPoints | None:
     """The contact points of a file with n samples; None if the file has no contact points."""
-    if listed is None:
+    if pairs is None:
         return None
     names: list[tuple[str, str]] = []
-    for pair in listed:
+    for pair in pairs:
         first, second = npz.texts(pair, "contact")
         names.append((first, second))
-    size = len(arrays[f"{_CONTACT}sample"])
+    n_points = len(arrays[f"{_CONTACT}sample"])
     points: dict[str, Any] = {
         name: npz.checked(
-            arrays, f"{_CONTACT}{name}", (size, *width), "i" if name in _WHOLE else "f"
+            arrays, f"{_CONTACT}{name}", (n_points, *width), "i" if name in _INDEX_ARRAYS else "f"
         )
-        for name, width in _POINTS.items()
+        for name, width in _POINT_SHAPES.items()
     }
-    for name, end in zip(_WHOLE, (n, len(names)), strict=True):
-        if size and not (points[name].min() >= 0 and points[name].max() < end):
-            raise ValueError(f"contact has a {name} that is not from 0 to {end - 1}")
+    for name, n_allowed in zip(_INDEX_ARRAYS, (n, len(names)), strict=True):
+        if n_points and not (points[name].min() >= 0 and points[name].max() < n_allowed):
+            raise ValueError(f"contact has a {name} that is not from 0 to {n_allowed - 1}")
     return ContactPoints(**points, names=tuple(names))
 
 
@@ -180,26 +180,26 @@ def restored(yaml: str, file: str, meshes: Mapping[str, bytes]) -> Puppet:
     if not meshes:
         return loads(yaml, file)
     temporary = TemporaryDirectory(prefix="fantoccini-", ignore_cleanup_errors=True)
-    _folders.append(temporary)  # keeps the folder until Python ends
+    _temporary_folders.append(temporary)  # keeps the folder until Python ends
     folder = Path(temporary.name).resolve()
     for name, content in meshes.items():
-        place = (folder / name).resolve()
-        if not place.is_relative_to(folder):
+        mesh_path = (folder / name).resolve()
+        if not mesh_path.is_relative_to(folder):
             raise ValueError(f"the mesh {name!r} leads out of its folder")
-        place.parent.mkdir(parents=True, exist_ok=True)
-        place.write_bytes(content)
+        mesh_path.parent.mkdir(parents=True, exist_ok=True)
+        mesh_path.write_bytes(content)
     return loads(yaml, file, folder)
 
 
 def table_to_json(table: CoordinateTable) -> dict[str, Any]:
     """The coordinates as JSON, without their start values."""
-    whole = {
+    data = {
         field.name: getattr(table, field.name)
         for field in dataclasses.fields(table)
         if field.name not in ("rows", "start_D", "start_K")
     }
-    whole["rows"] = [[r.name, r.role, r.owner, r.unit, r.index] for r in table.rows]
-    return whole
+    data["rows"] = [[row.name, row.role, row.owner, row.unit, row.index] for row in table.rows]
+    return data
 
 
 def table_from_json(data: dict[str, Any], arrays: Mapping[str, Array]) -> CoordinateTable:
@@ -210,19 +210,19 @@ def table_from_json(data: dict[str, Any], arrays: Mapping[str, Array]) -> Coordi
     )
     vectors = ("q_D", "v_D", "q_K", "v_K")
     names = {key: npz.texts(data[key], f"coordinates.{key}") for key in vectors}
-    places: dict[str, Any] = {
-        f"{part}_{kind}": _places(data[f"{part}_{kind}"], names, kind, widths)
+    index_pairs: dict[str, Any] = {
+        f"{part}_{kind}": _index_pairs(data[f"{part}_{kind}"], names, kind, widths)
         for part, widths in (("quaternions", (4, 3)), ("scalars", (1, 1)))
         for kind in ("D", "K")
     }
     rotations = data["rotations"]
-    turns = _places(list(rotations.values()), names, "K", (4, 3))
+    rotation_pairs = _index_pairs(list(rotations.values()), names, "K", (4, 3))
     commands = data.get("commands", {})
     npz.texts(list(commands.values()), "coordinates.commands")
     return CoordinateTable(
         rows=rows,
-        **(places | names),
-        rotations=dict(zip(rotations, turns, strict=True)),
+        **(index_pairs | names),
+        rotations=dict(zip(rotations, rotation_pairs, strict=True)),
         commands=commands,
         carried=npz.texts(data.get("carried", []), "coordinates.carried"),
         axes={name: _axis(axis) for name, axis in data.get("axes", {}).items()},
@@ -237,14 +237,14 @@ def _axis(numbers: Any) -> tuple[float, ...]:
     return x, y, z
 
 
-def _places(
+def _index_pairs(
     pairs: list[Any], names: dict[str, tuple[str, ...]], kind: str, widths: tuple[int, int]
 ) -> tuple[tuple[int, int], ...]:
     """Indices (q, v) of coordinates with given widths; raises ValueError for one out of range."""
-    places = tuple(tuple(pair) for pair in pairs)
-    ends = [len(names[f"{part}_{kind}"]) - n for part, n in zip("qv", widths, strict=True)]
-    for q, v in places:
-        for index, end in ((q, ends[0]), (v, ends[1])):
-            if type(index) is not int or not 0 <= index <= end:
-                raise ValueError(f"coordinates has the index {index!r}; it must be 0 to {end}")
-    return places
+    index_pairs = tuple(tuple(pair) for pair in pairs)
+    last_indices = [len(names[f"{part}_{kind}"]) - n for part, n in zip("qv", widths, strict=True)]
+    for q, v in index_pairs:
+        for index, last in ((q, last_indices[0]), (v, last_indices[1])):
+            if type(index) is not int or not 0 <= index <= last:
+                raise ValueError(f"coordinates has the index {index!r}; it must be 0 to {last}")
+    return index_pairs

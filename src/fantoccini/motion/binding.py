@@ -24,7 +24,7 @@ def bound(
     coef: Array,
     base: Array,
     named: Mask,
-    q_here: Array,
+    q_inputs: Array,
     q_K: Array,
     t: float,
     speeds: tuple[Array, Array] | None = None,
@@ -40,7 +40,7 @@ def bound(
         coef: (n, n_seg, n_vK, 6) coefficients.
         base: (n, n_seg, n_qK) configurations of reference.
         named: (n, n_vK) whether a coordinate is named.
-        q_here: (n, n_qK) configurations of the inputs at ``t``.
+        q_inputs: (n, n_qK) configurations of the inputs at ``t``.
         q_K: (n, n_qK) configurations of the start states.
         t: time of the start [s].
         speeds: velocities (n, n_vK) of the inputs at ``t``, and of the start states; without
@@ -53,62 +53,77 @@ def bound(
         InputError: a named coordinate differs from its start state.
     """
     mistakes = Mistakes.of_inputs()
-    of_q = np.zeros(table.n_qK, dtype=np.intp)  # the velocity of each number of a configuration
+    v_of_q = np.zeros(table.n_qK, dtype=np.intp)  # the velocity of each number of a configuration
     for q, v in pieces.channel_names(table).values():
-        of_q[q] = v.start
-    named_q, (q_s, v_s) = named[:, of_q], table.places_K
+        v_of_q[q] = v.start
+    named_q, (q_scalars, v_scalars) = named[:, v_of_q], table.scalar_indices_K
     coef = np.where(named[:, None, :, None], coef, 0.0)
     base = np.where(named_q[:, None], base, q_K[:, None])
-    coef[:, :, v_s, 0] = np.where(named[:, None, v_s], coef[:, :, v_s, 0], q_K[:, None, q_s])
+    coef[:, :, v_scalars, 0] = np.where(
+        named[:, None, v_scalars], coef[:, :, v_scalars, 0], q_K[:, None, q_scalars]
+    )
     move, differs = np.zeros(named.shape), np.zeros(len(coef), dtype=bool)
-    move[:, v_s] = np.where(named[:, v_s], (q_K - q_here)[:, q_s], 0.0)
+    move[:, v_scalars] = np.where(named[:, v_scalars], (q_K - q_inputs)[:, q_scalars], 0.0)
     if speeds is not None:
-        v_here, v_K = np.where(named, speeds[0], 0.0), speeds[1]
-        differs = np.any(np.abs(v_K - v_here) > joints.TOLERANCES.rounded_speed, axis=1)
+        v_inputs, v_K = np.where(named, speeds[0], 0.0), speeds[1]
+        differs = np.any(np.abs(v_K - v_inputs) > joints.TOLERANCES.rounded_speed, axis=1)
     differs |= ~np.all(np.abs(move) <= joints.TOLERANCES.rounded_position, axis=1)
     # Tolerances are computed only where there is a difference: batches are large.
-    place, speed = np.zeros(named.shape), np.zeros(named.shape)
-    own = breaks[differs] if len(breaks) > 1 else breaks
-    place[differs], speed[differs] = joints.tolerances(table, own, coef[differs])
-    away = np.abs(q_here - q_K)
-    same = np.maximum(place[:, of_q], joints.TOLERANCES.position * np.maximum(1.0, np.abs(q_here)))
-    for at, _ in table.quaternions_K:
-        spot = slice(at, at + 4)
-        mine, theirs = q_here[:, spot], q_K[:, spot]
-        turned = named_q[:, at] & ((mine * theirs).sum(axis=-1) < 0)
-        base[:, :, spot] *= np.where(turned, -1.0, 1.0)[:, None, None]
-        away[:, spot] = np.linalg.norm(rotation.between(theirs, mine), axis=-1)[:, None]
-        same[:, spot] = joints.TOLERANCES.position
-    strange, off = ~np.isfinite(q_K), named_q & ~(away <= same)
-    if np.any(strange) or np.any(off):
+    max_move, max_speed = np.zeros(named.shape), np.zeros(named.shape)
+    lane_breaks = breaks[differs] if len(breaks) > 1 else breaks
+    max_move[differs], max_speed[differs] = joints.tolerances(table, lane_breaks, coef[differs])
+    distance = np.abs(q_inputs - q_K)
+    max_distance = np.maximum(
+        max_move[:, v_of_q], joints.TOLERANCES.position * np.maximum(1.0, np.abs(q_inputs))
+    )
+    for q_start, _ in table.quaternions_K:
+        q_slice = slice(q_start, q_start + 4)
+        from_inputs, from_state = q_inputs[:, q_slice], q_K[:, q_slice]
+        has_opposite_sign = named_q[:, q_start] & ((from_inputs * from_state).sum(axis=-1) < 0)
+        base[:, :, q_slice] *= np.where(has_opposite_sign, -1.0, 1.0)[:, None, None]
+        distance[:, q_slice] = np.linalg.norm(rotation.between(from_state, from_inputs), axis=-1)[
+            :, None
+        ]
+        max_distance[:, q_slice] = joints.TOLERANCES.position
+    not_finite, is_off = ~np.isfinite(q_K), named_q & ~(distance <= max_distance)
+    if np.any(not_finite) or np.any(is_off):
         for name, (q, _) in pieces.channel_names(table).items():
-            _note_start(mistakes, name, (q_here[:, q], q_K[:, q]), strange[:, q], off[:, q], t)
-    mistakes.refuse()
+            _report_start(
+                mistakes, name, (q_inputs[:, q], q_K[:, q]), not_finite[:, q], is_off[:, q], t
+            )
+    mistakes.raise_if_any()
     if speeds is not None and np.any(differs):
-        v_K = np.where(np.abs(v_K - v_here) <= speed, v_K, v_here)
-        _begin(table, breaks, coef, base, t, np.flatnonzero(differs), move, v_K)
+        v_K = np.where(np.abs(v_K - v_inputs) <= max_speed, v_K, v_inputs)
+        _move_start(table, breaks, coef, base, t, np.flatnonzero(differs), move, v_K)
     return coef, base
 
 
-def _note_start(
-    mistakes: Mistakes, name: str, places: tuple[Array, Array], strange: Mask, off: Mask, t: float
+def _report_start(
+    mistakes: Mistakes,
+    name: str,
+    values: tuple[Array, Array],
+    not_finite: Mask,
+    is_off: Mask,
+    t: float,
 ) -> None:
     """Reports a coordinate that is not finite in a start state, or differs from the inputs.
 
     Args:
         mistakes: collector.
         name: name of the coordinate.
-        places: (n, 1 or 4) values of the inputs and of the start states.
-        strange, off: (n, 1 or 4) where that is so.
+        values: (n, 1 or 4) values of the inputs and of the start states.
+        not_finite, is_off: (n, 1 or 4) where that is so.
         t: the start [s].
     """
-    n = len(off)
-    for i in np.flatnonzero(np.any(strange, axis=1))[:1]:
-        mistakes.add((*which(i, n), name), f"is {_text(places[1][i])} in the start state")
-    for i in np.flatnonzero(off[:, 0])[:1]:
-        in_inputs, in_state = (_text(place[i]) for place in places)
+    n = len(is_off)
+    for i in np.flatnonzero(np.any(not_finite, axis=1))[:1]:
         mistakes.add(
-            (*which(i, n), name),
+            (*index_path(i, n), name), f"is {_numbers_text(values[1][i])} in the start state"
+        )
+    for i in np.flatnonzero(is_off[:, 0])[:1]:
+        in_inputs, in_state = (_numbers_text(value[i]) for value in values)
+        mistakes.add(
+            (*index_path(i, n), name),
             f"is {in_inputs} in the inputs at t = {t:g} s, but {in_state} in the start state; "
             f"start from a state with {name} = {in_inputs}, or let the inputs begin at {in_state}",
         )
@@ -125,14 +140,14 @@ def check_same_puppet(tables: Sequence[CoordinateTable]) -> None:
     first = tables[0]
     for i, other in enumerate(tables):
         if (other.q_K, other.v_D) != (first.q_K, first.v_D):
-            names, needed = (", ".join(table.q_K[:5]) or "none" for table in (other, first))
+            driven, needed = (", ".join(table.q_K[:5]) or "none" for table in (other, first))
             raise ValueError(
                 f"inputs[{i}] is of another puppet than inputs[0]: its driven coordinates are "
-                f"{names}; needed: {needed}"
+                f"{driven}; needed: {needed}"
             )
 
 
-def _begin(
+def _move_start(
     table: CoordinateTable,
     breaks: Array,
     coef: Array,
@@ -150,13 +165,13 @@ def _begin(
     lanes = lanes[(breaks[lanes, 0] <= t) & (t < breaks[lanes, -1])]
     i = (breaks[lanes] <= t).sum(axis=1) - 1
     s, h = t - breaks[lanes, i], breaks[lanes, i + 1] - breaks[lanes, i]
-    changed = joints.with_start(table, coef[lanes, i], s, h, move[lanes], v[lanes])
-    coef[lanes, i] = changed
-    q, at = table.places_K
-    base[lanes[:, None], i[:, None], q] = changed[:, at, 0]
+    moved_coef = joints.with_start(table, coef[lanes, i], s, h, move[lanes], v[lanes])
+    coef[lanes, i] = moved_coef
+    q_scalars, v_scalars = table.scalar_indices_K
+    base[lanes[:, None], i[:, None], q_scalars] = moved_coef[:, v_scalars, 0]
 
 
-def note_lengths(table: CoordinateTable, breaks: Array, coef: Array, mistakes: Mistakes) -> None:
+def report_lengths(table: CoordinateTable, breaks: Array, coef: Array, mistakes: Mistakes) -> None:
     """Notes the first time at which each driven length is not positive."""
     h = np.diff(breaks)
     s = h[..., None] * np.linspace(0.0, 1.0, pieces.LENGTH_SAMPLES)
@@ -165,22 +180,22 @@ def note_lengths(table: CoordinateTable, breaks: Array, coef: Array, mistakes: M
             continue
         if np.all(polynomial.control_points(coef[:, :, v.start], h) > 0):
             continue
-        value = polynomial.evaluate(coef[:, :, None, v.start], s)[0]
-        if np.any(value <= 0):
-            n, i, k = np.unravel_index(np.argmax(value <= 0), value.shape)
-            t = np.broadcast_to(breaks[:, :-1, None] + s, value.shape)[n, i, k]
+        length = polynomial.evaluate(coef[:, :, None, v.start], s)[0]
+        if np.any(length <= 0):
+            n, i, k = np.unravel_index(np.argmax(length <= 0), length.shape)
+            t = np.broadcast_to(breaks[:, :-1, None] + s, length.shape)[n, i, k]
             mistakes.add(
-                (*which(n, len(coef)), name),
-                f"is {value[n, i, k]:.6g} m at t = {t:g} s; the length of a string must stay "
+                (*index_path(n, len(coef)), name),
+                f"is {length[n, i, k]:.6g} m at t = {t:g} s; the length of a string must stay "
                 "above 0",
             )
 
 
-def which(i: int | np.intp, n: int) -> tuple[int, ...]:
+def index_path(i: int | np.intp, n: int) -> tuple[int, ...]:
     """Index of an input among n, for messages; empty for a single one."""
     return (int(i),) if n > 1 else ()
 
 
-def _text(values: Array) -> str:
+def _numbers_text(values: Array) -> str:
     shown = ", ".join(f"{x:.10g}" for x in values)
     return shown if len(values) == 1 else f"[{shown}]"

@@ -53,20 +53,22 @@ class Channel(ShortRepr):
             coef (m, k, 6) and base (m, width). The parts of a rotation's piece have the base of
             the whole piece, so that the division is exact; phi does not begin at 0 in them.
         """
-        begins = breaks[:-1]
-        piece = np.searchsorted(self.times, begins, side="right") - 1
-        inside = (piece >= 0) & (piece < len(self.coef))
+        starts = breaks[:-1]
+        piece = np.searchsorted(self.times, starts, side="right") - 1
+        is_inside = (piece >= 0) & (piece < len(self.coef))
         coef = np.where((piece < 0)[:, None, None], self.before[0], self.after[0])
         base = np.where((piece < 0)[:, None], self.before[1], self.after[1])
-        source = piece[inside]
-        coef[inside] = polynomial.shifted(self.coef[source], begins[inside] - self.times[source])
-        base[inside] = self.base[source]
+        source = piece[is_inside]
+        coef[is_inside] = polynomial.shifted(
+            self.coef[source], starts[is_inside] - self.times[source]
+        )
+        base[is_inside] = self.base[source]
         for q, row in self.scalars:
-            base[inside, q] = coef[inside, row, 0]
+            base[is_inside, q] = coef[is_inside, row, 0]
         return coef, base
 
 
-def constant(values: ArrayLike) -> tuple[Array, Array]:
+def constant_scalars(values: ArrayLike) -> tuple[Array, Array]:
     """The constant piece of scalar coordinates: ((k, 6), (k,))."""
     values = np.atleast_1d(np.asarray(values, dtype=float))
     coef = np.zeros((len(values), polynomial.N_COEF))
@@ -74,14 +76,16 @@ def constant(values: ArrayLike) -> tuple[Array, Array]:
     return coef, values
 
 
-def still(q: Quaternion) -> tuple[Array, Array]:
+def constant_rotation(q: Quaternion) -> tuple[Array, Array]:
     """The constant piece of a rotation: ((3, 6), (4,))."""
     return np.zeros((3, polynomial.N_COEF)), np.asarray(q, dtype=float)
 
 
 def scalar(t: Times, coef: Array, first: float, last: float) -> Channel:
     """A channel of a scalar coordinate, from its (n, 6) coefficients."""
-    return Channel(t, coef[:, None, :], coef[:, :1], constant(first), constant(last), ((0, 0),))
+    return Channel(
+        t, coef[:, None, :], coef[:, :1], constant_scalars(first), constant_scalars(last), ((0, 0),)
+    )
 
 
 def scalar_waypoints(t: Times, values: Array) -> Channel:
@@ -138,18 +142,18 @@ def rotation_waypoints(t: Times, q: Quaternion) -> Channel:
     length = np.linalg.norm(bisector, axis=-1, keepdims=True)
     cosine = np.maximum(np.sum(direction[:-1] * direction[1:], axis=-1), 0.0)
     w = np.zeros((len(t), 3))
-    size = polynomial.mean_speed(h, speed) * cosine
-    w[1:-1] = size[:, None] * bisector / np.where(length > 0, length, 1.0)
-    return _through(t, q, turn, w, np.zeros_like(w))
+    speed_at_points = polynomial.mean_speed(h, speed) * cosine
+    w[1:-1] = speed_at_points[:, None] * bisector / np.where(length > 0, length, 1.0)
+    return _rotation_quintics(t, q, turn, w, np.zeros_like(w))
 
 
-def _through(t: Times, q: Quaternion, turn: Array, w: Array, wdot: Array) -> Channel:
+def _rotation_quintics(t: Times, q: Quaternion, turn: Array, w: Array, wdot: Array) -> Channel:
     """Quintic rotation vectors with given angular velocity and acceleration at the points."""
-    rate, curve = rotation.tangent_motion(turn, w[1:], wdot[1:])
+    rate, rate_derivative = rotation.tangent_motion(turn, w[1:], wdot[1:])
     coef = polynomial.hermite(
-        np.diff(t)[:, None], (np.zeros_like(turn), w[:-1], wdot[:-1]), (turn, rate, curve)
+        np.diff(t)[:, None], (np.zeros_like(turn), w[:-1], wdot[:-1]), (turn, rate, rate_derivative)
     )
-    return Channel(t, coef, q[:-1], still(q[0]), still(q[-1]))
+    return Channel(t, coef, q[:-1], constant_rotation(q[0]), constant_rotation(q[-1]))
 
 
 def scalar_samples(t: Times, values: Array, rest: bool) -> Channel:
@@ -181,7 +185,7 @@ def rotation_samples(t: Times, q: Quaternion, rest: bool) -> Channel:
     q = rotation.continuous(q)
     if len(t) == 1:
         empty = np.zeros((0, 3, polynomial.N_COEF))
-        return Channel(t, empty, np.zeros((0, 4)), still(q[0]), still(q[0]))
+        return Channel(t, empty, np.zeros((0, 4)), constant_rotation(q[0]), constant_rotation(q[0]))
     h = np.diff(t)[:, None]
     turn = rotation.between(q[:-1], q[1:])
     w = _spline_velocities(h, turn, rest)
@@ -190,7 +194,7 @@ def rotation_samples(t: Times, q: Quaternion, rest: bool) -> Channel:
     coef[..., 1] = w[:-1]
     coef[..., 2] = (3 * turn / h - 2 * w[:-1] - rate) / h
     coef[..., 3] = (w[:-1] + rate - 2 * turn / h) / h**2
-    return Channel(t, coef, q[:-1], still(q[0]), still(q[-1]))
+    return Channel(t, coef, q[:-1], constant_rotation(q[0]), constant_rotation(q[-1]))
 
 
 def _spline_velocities(h: Array, turn: Array, rest: bool) -> Array:
@@ -204,10 +208,10 @@ def _spline_velocities(h: Array, turn: Array, rest: bool) -> Array:
 
     n = len(turn) + 1
     jacobian, inverse = rotation.right_jacobian(turn), rotation.right_jacobian_inverse(turn)
-    eye, wide = np.eye(3), h[:, :, None]
+    eye, h_blocks = np.eye(3), h[:, :, None]
     blocks: list[Array] = []
     columns: list[int] = []
-    begin = [0]
+    row_starts = [0]
     for i in range(n):
         row: dict[int, Array] = {}
         if rest and i in (0, n - 1):
@@ -215,30 +219,30 @@ def _spline_velocities(h: Array, turn: Array, rest: bool) -> Array:
         else:
             row[i] = np.zeros((3, 3))
             if i > 0:
-                row[i - 1] = 2 * jacobian[i - 1] / wide[i - 1]
-                row[i] = row[i] + 4 * eye / wide[i - 1]
+                row[i - 1] = 2 * jacobian[i - 1] / h_blocks[i - 1]
+                row[i] = row[i] + 4 * eye / h_blocks[i - 1]
             if i < n - 1:
-                row[i] = row[i] + 4 * eye / wide[i]
-                row[i + 1] = 2 * inverse[i] / wide[i]
+                row[i] = row[i] + 4 * eye / h_blocks[i]
+                row[i + 1] = 2 * inverse[i] / h_blocks[i]
         for column in sorted(row):
             blocks.append(row[column])
             columns.append(column)
-        begin.append(len(columns))
-    system = bsr_array((np.array(blocks), columns, begin), shape=(3 * n, 3 * n)).tocsc()
-    pull = 6 * turn / h**2
-    right = np.zeros((n, 3))
-    right[1:] += pull
-    right[:-1] += pull
+        row_starts.append(len(columns))
+    system = bsr_array((np.array(blocks), columns, row_starts), shape=(3 * n, 3 * n)).tocsc()
+    secants = 6 * turn / h**2
+    right_side = np.zeros((n, 3))
+    right_side[1:] += secants
+    right_side[:-1] += secants
     w = np.zeros((n, 3))
     for _ in range(_MAX_ITERATIONS):
         rate = rotation.apply(inverse, w[1:])
-        bend = rotation.apply(rotation.right_jacobian_rate(turn, rate), rate)
-        side = right.copy()
-        side[1:] -= bend
+        convective = rotation.apply(rotation.right_jacobian_rate(turn, rate), rate)
+        iterate_side = right_side.copy()
+        iterate_side[1:] -= convective
         if rest:
-            side[0] = side[-1] = 0.0
-        new = spsolve(system, side.ravel()).reshape(n, 3)
-        change, w = np.max(np.abs(new - w)), new
+            iterate_side[0] = iterate_side[-1] = 0.0
+        new_w = spsolve(system, iterate_side.ravel()).reshape(n, 3)
+        change, w = np.max(np.abs(new_w - w)), new_w
         if change <= _MAX_CHANGE * (1 + np.max(np.abs(w))):
             break
     return w
@@ -252,9 +256,9 @@ def linear(t: Times, values: Array) -> Channel:
         values: (n,) forces [N or N m].
     """
     h = np.diff(t)
-    lasting = h > 0
-    coef = np.zeros((np.count_nonzero(lasting), polynomial.N_COEF))
-    coef[:, 0] = values[:-1][lasting]
-    coef[:, 1] = (np.diff(values) / np.where(lasting, h, 1.0))[lasting]
-    ends = np.append(t[:-1][lasting], t[-1])
-    return scalar(ends, coef, 0.0, 0.0)
+    has_duration = h > 0
+    coef = np.zeros((np.count_nonzero(has_duration), polynomial.N_COEF))
+    coef[:, 0] = values[:-1][has_duration]
+    coef[:, 1] = (np.diff(values) / np.where(has_duration, h, 1.0))[has_duration]
+    breaks = np.append(t[:-1][has_duration], t[-1])
+    return scalar(breaks, coef, 0.0, 0.0)

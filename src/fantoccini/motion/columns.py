@@ -19,12 +19,12 @@ class Columns(ShortRepr):
         names: names of the columns.
         values: (..., T, n) numbers or flags, read-only; an array that is not read-only is copied.
             The first axis of a batch is its trajectories.
-        what: noun for a column in messages: string, limit, entry.
+        noun: noun for a column in messages: string, limit, entry.
     """
 
     names: tuple[str, ...]
     values: Array
-    what: str = "column"
+    noun: str = "column"
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "names", tuple(self.names))
@@ -43,7 +43,7 @@ class Columns(ShortRepr):
 
     def __getitem__(self, name: str) -> Array:
         if name not in self.names:
-            raise UnknownNameError(self.what, name, self.names)
+            raise UnknownNameError(self.noun, name, self.names)
         return self.values[..., self.names.index(name)]
 
     def flags(self, name: str) -> Mask:
@@ -65,4 +65,4 @@ class Columns(ShortRepr):
 
     def like(self, values: Array) -> Columns:
         """Columns with the same names and other values."""
-        return Columns(self.names, values, self.what)
+        return Columns(self.names, values, self.noun)

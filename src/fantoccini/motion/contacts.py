@@ -58,45 +58,52 @@ class ContactPoints:
         return np.einsum("ij,ij->i", self.force, self.normal)
 
     @property
-    def sliding(self) -> Array:
+    def sliding_speed(self) -> Array:
         """(n,) tangential speed [m/s]."""
-        along = np.einsum("ij,ij->i", self.velocity, self.normal)
-        return np.linalg.norm(self.velocity - along[:, None] * self.normal, axis=1)
+        normal_velocity = np.einsum("ij,ij->i", self.velocity, self.normal)
+        return np.linalg.norm(self.velocity - normal_velocity[:, None] * self.normal, axis=1)
 
-    def of(self, *parts: str) -> ContactPoints:
+    def involving(self, *parts: str) -> ContactPoints:
         """The points of a body, an obstacle or ``floor``; with two names, those between the two.
 
         Raises:
             UnknownNameError: there is no part of this name in a contact pair.
         """
-        known = {name for pair in self.names for name in pair}
+        names = {name for pair in self.names for name in pair}
         for part in parts:
-            if part not in known:
-                raise UnknownNameError("part that may touch", part, sorted(known))
+            if part not in names:
+                raise UnknownNameError("part that may touch", part, sorted(names))
         matches = np.array([set(parts) <= set(pair) for pair in self.names], dtype=bool)
         return self.subset(matches[self.pair])
 
-    def at(self, sample: int) -> ContactPoints:
+    def at_sample(self, sample: int) -> ContactPoints:
         """The points of one sample."""
         return self.subset(self.sample == sample)
 
     def force_on(self, part: str, n_samples: int) -> Array:
         """(n_samples, 3) sum of the forces on a body over time, in the world [N]."""
-        points = self.of(part)
+        points = self.involving(part)
         sign = np.array([1.0 if part == self.names[k][0] else -1.0 for k in points.pair])
         out = np.zeros((n_samples, 3))
         np.add.at(out, points.sample, sign[:, None] * points.force)
         return out
 
-    def subset(self, which: np.ndarray) -> ContactPoints:
+    def subset(self, selection: np.ndarray) -> ContactPoints:
         """The points that a mask or indices select."""
-        own = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
-        return ContactPoints(**{n: x if n == "names" else x[which] for n, x in own.items()})
+        fields = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
+        return ContactPoints(
+            **{
+                name: values if name == "names" else values[selection]
+                for name, values in fields.items()
+            }
+        )
 
-    def resampled(self, left: Indices) -> ContactPoints:
-        """The points of new samples: sample i has the points of sample ``left[i]``."""
-        first = np.searchsorted(self.sample, left, side="left")
-        last = np.searchsorted(self.sample, left, side="right")
-        which = np.concatenate([np.arange(a, b) for a, b in zip(first, last, strict=True)])
-        sample = np.repeat(np.arange(len(left)), last - first)
-        return dataclasses.replace(self.subset(which.astype(int)), sample=sample)
+    def resampled(self, old_samples: Indices) -> ContactPoints:
+        """The points of new samples: sample i has the points of sample ``old_samples[i]``."""
+        starts = np.searchsorted(self.sample, old_samples, side="left")
+        ends = np.searchsorted(self.sample, old_samples, side="right")
+        indices = np.concatenate(
+            [np.arange(start, end) for start, end in zip(starts, ends, strict=True)]
+        )
+        sample = np.repeat(np.arange(len(old_samples)), ends - starts)
+        return dataclasses.replace(self.subset(indices.astype(int)), sample=sample)

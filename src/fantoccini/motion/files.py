@@ -125,19 +125,19 @@ def read_inputs(table: CoordinateTable, path: Path) -> Waypoints | Segments:
     Raises:
         InputError: every mistake in the file.
     """
-    readers = {".yaml": _yaml, ".yml": _yaml, ".csv": _csv, ".npz": _npz}
-    reader = readers.get(path.suffix.lower())
-    if reader is None:
+    readers = {".yaml": _read_yaml, ".yml": _read_yaml, ".csv": _read_csv, ".npz": _read_npz}
+    read = readers.get(path.suffix.lower())
+    if read is None:
         raise _file_error(path, f"has the ending {path.suffix!r}; allowed: {', '.join(readers)}")
     try:
-        return reader(table, path)
+        return read(table, path)
     except OSError as error:
         raise _file_error(path, f"cannot be read: {error.strerror or error}") from None
     except ValueError as error:  # a name that no file can have
         raise _file_error(path, f"cannot be read: {error}") from None
 
 
-def _yaml(table: CoordinateTable, path: Path) -> Waypoints:
+def _read_yaml(table: CoordinateTable, path: Path) -> Waypoints:
     file = read_document(path, InputsFile)
     mistakes = Mistakes(file.located, InputError)
     points = reading.waypoints(table, file.coordinates, mistakes, ("coordinates",))
@@ -153,14 +153,14 @@ def _yaml(table: CoordinateTable, path: Path) -> Waypoints:
     return Waypoints(channels, mistakes, place, forces, duration, file.name)
 
 
-def _samples(table: CoordinateTable, columns: dict[str, Array], located: Located) -> Waypoints:
+def _from_columns(table: CoordinateTable, columns: dict[str, Array], located: Located) -> Waypoints:
     if "t" not in columns:
         raise located.error([((), "the column t (time in s) is missing")], InputError)
     mistakes = Mistakes(located, InputError)
-    rest = {name: values for name, values in columns.items() if name != "t"}
-    read = reading.samples(table, columns["t"], rest, mistakes)
-    mistakes.refuse()
-    return Waypoints(pieces.through_samples(table, read), mistakes)
+    values_by_name = {name: values for name, values in columns.items() if name != "t"}
+    points = reading.samples(table, columns["t"], values_by_name, mistakes)
+    mistakes.raise_if_any()
+    return Waypoints(pieces.through_samples(table, points), mistakes)
 
 
 class _SampleLines(Located):
@@ -172,8 +172,8 @@ class _SampleLines(Located):
         return 1 if sample is None else self.data[sample]
 
 
-def _csv(table: CoordinateTable, path: Path) -> Waypoints:
-    return _samples(table, *csv_columns(path))
+def _read_csv(table: CoordinateTable, path: Path) -> Waypoints:
+    return _from_columns(table, *csv_columns(path))
 
 
 def csv_columns(
@@ -192,15 +192,15 @@ def csv_columns(
         OSError: the file cannot be read.
     """
     shown_as = Path(name or path)
-    raw = path.read_bytes() if path.stat().st_size <= MAX_BYTES else None
-    if raw is None:
+    content = path.read_bytes() if path.stat().st_size <= MAX_BYTES else None
+    if content is None:
         raise _file_error(shown_as, f"is larger than {MAX_BYTES / 1e6:g} MB, the largest allowed")
     try:
-        is_utf16 = raw.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
-        text = decoded(raw) if is_utf16 else raw.decode("utf-8-sig")
+        is_utf16 = content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
+        text = decoded(content) if is_utf16 else content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        line = raw.count(b"\n", 0, error.start) + 1
-        message = f"found the byte 0x{raw[error.start]:02x}; the file must be UTF-8"
+        line = content.count(b"\n", 0, error.start) + 1
+        message = f"found the byte 0x{content[error.start]:02x}; the file must be UTF-8"
         raise _file_error(shown_as, message, line) from None
     header: list[str] = []
     lines: list[int] = []
@@ -214,7 +214,7 @@ def csv_columns(
             if not header:
                 header = [cell.strip() for cell in cells]
                 continue
-            numbers.extend(_numbers(header, cells, len(lines), mistakes, gaps))
+            numbers.extend(_row_numbers(header, cells, len(lines), mistakes, gaps))
             lines.append(reader.line_num)
     except StateError as error:
         raise _file_error(shown_as, str(error), reader.line_num) from None
@@ -222,23 +222,25 @@ def csv_columns(
         raise _file_error(shown_as, "the file is empty", 1)
     columns = np.array([]) if mistakes else np.array(numbers).reshape(-1, len(header)).T
     if len(lines) and not mistakes:
-        with_name = [i for i, x in enumerate(columns) if header[i] or not np.all(np.isnan(x))]
-        header, columns = [header[i] for i in with_name], columns[with_name]
+        titled = [
+            i for i, values in enumerate(columns) if header[i] or not np.all(np.isnan(values))
+        ]
+        header, columns = [header[i] for i in titled], columns[titled]
     for title in sorted({title for title in header if header.count(title) > 1}):
         mistakes.add((title,), "two columns have this name")
     if "" in header:
         mistakes.add((), f"column {header.index('') + 1} has no name")
-    mistakes.refuse()
+    mistakes.raise_if_any()
     return dict(zip(header, columns, strict=True)), located
 
 
 def csv_reader(text: str) -> CsvRows:
     """The rows of a CSV text, with commas, semicolons or tabs between columns."""
-    first = next((line for line in text.splitlines() if line.strip()), "")
-    if separator := _SEPARATOR.fullmatch(first.strip(" ")):
-        return CsvRows(text.replace(first, "", 1), separator[1])
+    first_line = next((line for line in text.splitlines() if line.strip()), "")
+    if separator := _SEPARATOR.fullmatch(first_line.strip(" ")):
+        return CsvRows(text.replace(first_line, "", 1), separator[1])
     # A header of a single column has no delimiter.
-    return CsvRows(text, max(",;\t", key=first.count))
+    return CsvRows(text, max(",;\t", key=first_line.count))
 
 
 class CsvRows:
@@ -283,19 +285,19 @@ def _count_message(count: int, needed: int) -> str:
     return text
 
 
-def _numbers(
+def _row_numbers(
     header: list[str], cells: list[str], sample: int, mistakes: Mistakes, gaps: bool
 ) -> list[float]:
-    named = max((i + 1 for i, title in enumerate(header) if title), default=0)
-    if len(cells) >= named and not any(cell.strip() for cell in cells[len(header) :]):
+    n_titled = max((i + 1 for i, title in enumerate(header) if title), default=0)
+    if len(cells) >= n_titled and not any(cell.strip() for cell in cells[len(header) :]):
         cells = (cells + [""] * len(header))[: len(header)]
     if len(cells) != len(header):
         mistakes.add(("", sample), _count_message(len(cells), len(header)))
         return []
-    empty = [
+    is_gap = [
         not cell.strip() and (gaps or not name) for name, cell in zip(header, cells, strict=True)
     ]
-    cells = ["nan" if gap else cell for gap, cell in zip(empty, cells, strict=True)]
+    cells = ["nan" if is_missing else cell for is_missing, cell in zip(is_gap, cells, strict=True)]
     try:
         return [float(cell) for cell in cells]
     except ValueError:
@@ -308,14 +310,14 @@ def _numbers(
         return []
 
 
-def _npz(table: CoordinateTable, path: Path) -> Waypoints | Segments:
-    columns = npz.read(path, most=MAX_BYTES, error=InputError)
+def _read_npz(table: CoordinateTable, path: Path) -> Waypoints | Segments:
+    columns = npz.read(path, max_bytes=MAX_BYTES, error=InputError)
     if "about" in columns:
-        return _recording(table, columns, path)
-    return _samples(table, columns, Located(file=str(path), folder=path.parent))
+        return _read_recording(table, columns, path)
+    return _from_columns(table, columns, Located(file=str(path), folder=path.parent))
 
 
-def _recording(table: CoordinateTable, arrays: dict[str, Array], path: Path) -> Segments:
+def _read_recording(table: CoordinateTable, arrays: dict[str, Array], path: Path) -> Segments:
     """The motion of the driven coordinates in a recorded performance."""
     try:
         about = npz.about_of(arrays)
@@ -330,19 +332,21 @@ def _recording(table: CoordinateTable, arrays: dict[str, Array], path: Path) -> 
     try:
         q_K, v_K = (npz.finite(arrays, f"start_{name}", (None,)) for name in ("q_K", "v_K"))
         acc_K = npz.finite(arrays, "acc_K", (None, len(v_K)))
-        named = npz.texts(about["coordinates"], "coordinates")
+        coordinates = npz.texts(about["coordinates"], "coordinates")
         start, tick = (float(npz.finite(arrays, name, ())) for name in ("t", "tick"))
     except npz.UNREADABLE as error:
         raise _file_error(path, f"is a damaged recording: {error}") from None
-    names = named[-len(q_K) :] if len(q_K) else ()
+    names = coordinates[-len(q_K) :] if len(q_K) else ()
     if names != table.q_K:
         raise _file_error(
             path, f"was recorded with another puppet: {_coordinates_message(names, table.q_K)}"
         )
     end = start + tick * len(acc_K)
-    largest = max(abs(start), abs(end), *(np.abs(x).max(initial=0.0) for x in (q_K, v_K, acc_K)))
+    max_magnitude = max(
+        abs(start), abs(end), *(np.abs(x).max(initial=0.0) for x in (q_K, v_K, acc_K))
+    )
     is_valid = len(v_K) == table.n_vK and len(acc_K) and tick > 0.0 and start < end
-    if not is_valid or not largest <= reading.LIMITS.max_number:
+    if not is_valid or not max_magnitude <= reading.LIMITS.max_number:
         raise _file_error(path, "is a damaged recording: its shapes or numbers are wrong")
     times: Times = start + tick * np.arange(len(acc_K) + 1, dtype=float)
     return Segments(times, q_K, v_K, acc_K)
@@ -351,12 +355,12 @@ def _recording(table: CoordinateTable, arrays: dict[str, Array], path: Path) -> 
 def _coordinates_message(recorded: tuple[str, ...], needed: tuple[str, ...]) -> str:
     """Error message for a recording whose driven coordinates differ from those of a puppet."""
     parts = [
-        f"{where}: {', '.join(only[:6])}{', ...' if len(only) > 6 else ''}"
-        for only, where in (
-            ([n for n in recorded if n not in needed], "driven in the recording only"),
-            ([n for n in needed if n not in recorded], "driven in the puppet only"),
+        f"{place}: {', '.join(names[:6])}{', ...' if len(names) > 6 else ''}"
+        for names, place in (
+            ([name for name in recorded if name not in needed], "driven in the recording only"),
+            ([name for name in needed if name not in recorded], "driven in the puppet only"),
         )
-        if only
+        if names
     ]
     return "; ".join(parts) or "its driven coordinates have another order"
 

@@ -99,10 +99,12 @@ class Input:
         try:
             duration = reading.number(duration)
         except ValueError as error:
-            arrays.fail("duration", str(error))
+            arrays.raise_input_error("duration", str(error))
         if not duration > 0:
-            arrays.fail("duration", f"is {duration}; it must be a positive number of seconds")
-        return cls(table, *pieces.assembled(table, {}, (0.0, duration)))
+            arrays.raise_input_error(
+                "duration", f"is {duration}; it must be a positive number of seconds"
+            )
+        return cls(table, *pieces.on_common_breaks(table, {}, (0.0, duration)))
 
     @classmethod
     def waypoints(
@@ -126,9 +128,9 @@ class Input:
         table, mistakes = reading.table_of(table), Mistakes.of_inputs()
         if smooth != "minimum-jerk":
             mistakes.add(("smooth",), f"is {smooth!r}; it must be 'minimum-jerk'")
-        read = reading.waypoints(table, points, mistakes)
-        motion = cls.of_channels(table, pieces.through_waypoints(table, read), mistakes)
-        mistakes.refuse()
+        checked_points = reading.waypoints(table, points, mistakes)
+        motion = cls.of_channels(table, pieces.through_waypoints(table, checked_points), mistakes)
+        mistakes.raise_if_any()
         return motion
 
     @classmethod
@@ -146,9 +148,11 @@ class Input:
                 start state must have the velocity with which the samples begin.
         """
         table, mistakes = reading.table_of(table), Mistakes.of_inputs()
-        read = reading.samples(table, t, columns, mistakes)
-        motion = cls.of_channels(table, pieces.through_samples(table, read, rest), mistakes)
-        mistakes.refuse()
+        checked_columns = reading.samples(table, t, columns, mistakes)
+        motion = cls.of_channels(
+            table, pieces.through_samples(table, checked_columns, rest), mistakes
+        )
+        mistakes.raise_if_any()
         return motion
 
     @classmethod
@@ -156,8 +160,8 @@ class Input:
         cls, table: CoordinateTable, channels: Mapping[str, Channel], mistakes: Mistakes
     ) -> Input:
         """An input from channels on one clock; records lengths that reach 0 as mistakes."""
-        motion = cls(table, *pieces.assembled(table, channels))
-        binding.note_lengths(table, motion.breaks[None], motion.coef[None], mistakes)
+        motion = cls(table, *pieces.on_common_breaks(table, channels))
+        binding.report_lengths(table, motion.breaks[None], motion.coef[None], mistakes)
         return motion
 
     @classmethod
@@ -180,10 +184,10 @@ class Input:
                 join C^1.
         """
         table = reading.table_of(table)
-        pieces_of = arrays.constant_acceleration(table, t, q_K, v_K, acc_K)
-        motion = cls(table, *pieces_of, np.ones(table.n_vK, dtype=bool))
+        breaks_and_pieces = arrays.constant_acceleration(table, t, q_K, v_K, acc_K)
+        motion = cls(table, *breaks_and_pieces, np.ones(table.n_vK, dtype=bool))
         # One piece cannot jump, and steppers make one for every step.
-        return motion if len(motion.coef) == 1 else motion._joined(Mistakes.of_inputs())
+        return motion if len(motion.coef) == 1 else motion._without_jumps(Mistakes.of_inputs())
 
     @classmethod
     def load(cls, table: Table, path: str | Path) -> Input:
@@ -200,19 +204,23 @@ class Input:
             InputError: the file has mistakes; all are listed.
         """
         table = reading.table_of(table)
-        read = files.read_inputs(table, Path(path))
-        if isinstance(read, files.Segments):
-            return cls.segments(table, read.t, read.q_K, read.v_K, read.acc_K)
+        contents = files.read_inputs(table, Path(path))
+        if isinstance(contents, files.Segments):
+            return cls.segments(table, contents.t, contents.q_K, contents.v_K, contents.acc_K)
         lengths = Mistakes.of_inputs()
-        motion = cls.of_channels(table, read.channels, lengths)
-        read.mistakes.found += [((*read.place, *at), message) for at, message in lengths.found]
-        read.mistakes.refuse()
-        if read.forces:
-            motion = motion.with_force_points(read.forces)
-        if read.duration is None:
+        motion = cls.of_channels(table, contents.channels, lengths)
+        contents.mistakes.findings += [
+            ((*contents.place, *path_below), message) for path_below, message in lengths.findings
+        ]
+        contents.mistakes.raise_if_any()
+        if contents.forces:
+            motion = motion.with_force_points(contents.forces)
+        if contents.duration is None:
             return motion
         # A file's clock starts at 0; the hand is at rest until the first waypoint.
-        return motion.begun(0.0).extended(read.duration).called(read.name)
+        return (
+            motion.with_rest_before(0.0).with_rest_until(contents.duration).with_name(contents.name)
+        )
 
     # -- changing one ------------------------------------------------------------------------
 
@@ -225,39 +233,41 @@ class Input:
             points: name of a dynamic velocity -> list of (t [s], force [N or N m]).
         """
         mistakes = Mistakes.of_inputs()
-        read = reading.forces(self.coordinates, points, mistakes)
-        mistakes.refuse()
-        return self.with_force_points(read)
+        checked_points = reading.forces(self.coordinates, points, mistakes)
+        mistakes.raise_if_any()
+        return self.with_force_points(checked_points)
 
     def with_force_points(self, points: Mapping[str, channel.Points]) -> Input:
         """:meth:`with_forces` from arrays."""
-        breaks = pieces.refined(self.breaks, [t for t, _ in points.values()])
-        moved = self._on(breaks)
+        breaks = pieces.refined_breaks(self.breaks, [t for t, _ in points.values()])
+        refined = self._on_breaks(breaks)
         force = np.zeros((len(breaks) - 1, self.coordinates.n_vD, polynomial.N_COEF))
         for name, (t, values) in points.items():
-            place = self.coordinates.v_D.index(name)
-            force[:, place] = channel.linear(pieces.snap(t, breaks), values).on(breaks)[0][:, 0]
-        return dataclasses.replace(moved, force=force)
+            column = self.coordinates.v_D.index(name)
+            force[:, column] = channel.linear(pieces.snapped_to_breaks(t, breaks), values).on(
+                breaks
+            )[0][:, 0]
+        return dataclasses.replace(refined, force=force)
 
     def shifted(self, dt: float) -> Input:
         """This input, ``dt`` seconds later."""
         return dataclasses.replace(self, breaks=self.breaks + float(floats(dt)))
 
-    def called(self, name: str) -> Input:
+    def with_name(self, name: str) -> Input:
         """This input with a name."""
         return dataclasses.replace(self, name=name)
 
-    def begun(self, start: float) -> Input:
+    def with_rest_before(self, start: float) -> Input:
         """This input, preceded by rest from ``start`` [s] on."""
         start = float(floats(start))
         if start >= self.start - SAME_TIME:
             return self
-        return self._on(np.concatenate([[start], self.breaks]))
+        return self._on_breaks(np.concatenate([[start], self.breaks]))
 
-    def extended(self, end: float) -> Input:
+    def with_rest_until(self, end: float) -> Input:
         """This input, followed by rest until ``end`` [s]."""
         end = float(floats(end))
-        return self if end <= self.end + SAME_TIME else self._on(np.append(self.breaks, end))
+        return self if end <= self.end + SAME_TIME else self._on_breaks(np.append(self.breaks, end))
 
     def then(self, *others: Input) -> Input:
         """This input, followed immediately by the others, whatever their times.
@@ -273,26 +283,28 @@ class Input:
     @staticmethod
     def concatenate(inputs: Sequence[Input]) -> Input:
         """The inputs one after another; the first keeps its times. See :meth:`then`."""
-        for i, item in enumerate(inputs):
-            if not isinstance(item, Input):
-                raise TypeError(f"inputs[{i}] is a {type(item).__name__}; it must be an Input")
-        binding.check_same_puppet([item.coordinates for item in inputs])
+        for i, one in enumerate(inputs):
+            if not isinstance(one, Input):
+                raise TypeError(f"inputs[{i}] is a {type(one).__name__}; it must be an Input")
+        binding.check_same_puppet([one.coordinates for one in inputs])
         joined = inputs[0]
-        for other in inputs[1:]:
-            shifted_other = other.shifted(joined.end - other.start)
-            before = joined._filled(other.named & ~joined.named, other.evaluate(other.start)[0])
-            after = shifted_other._filled(
-                joined.named & ~other.named, joined.evaluate(joined.end)[0]
+        for following in inputs[1:]:
+            shifted = following.shifted(joined.end - following.start)
+            before = joined._with_held(
+                following.named & ~joined.named, following.evaluate(following.start)[0]
+            )
+            after = shifted._with_held(
+                joined.named & ~following.named, joined.evaluate(joined.end)[0]
             )
             forces = [arrays.force_or_zero(x.coordinates, x._arrays) for x in (before, after)]
-            forced = before.force is not None or after.force is not None
+            has_force = before.force is not None or after.force is not None
             joined = Input(
                 joined.coordinates,
                 np.concatenate([before.breaks, after.breaks[1:]]),
                 np.concatenate([before.coef, after.coef]),
                 np.concatenate([before.base, after.base]),
                 before.named | after.named,
-                np.concatenate(forces) if forced else None,
+                np.concatenate(forces) if has_force else None,
                 joined.name,
             )
         return joined.checked()
@@ -310,17 +322,17 @@ class Input:
             InputError: a named coordinate does not start where the state is.
         """
         t = self.start if t is None else float(t)
-        q_here, v_here, _ = self.evaluate(t)
+        q_inputs, v_inputs, _ = self.evaluate(t)
         coef, base = binding.bound(
             self.coordinates,
             self.breaks[None],
             self.coef[None],
             self.base[None],
             self.named[None],
-            q_here[None],
+            q_inputs[None],
             np.asarray(q_K, dtype=float)[None],
             t,
-            None if v_K is None else (v_here[None], np.asarray(v_K, dtype=float)[None]),
+            None if v_K is None else (v_inputs[None], np.asarray(v_K, dtype=float)[None]),
         )
         return dataclasses.replace(self, coef=coef[0], base=base[0])
 
@@ -338,9 +350,9 @@ class Input:
             ``inputs.bound(x0.q_K)`` sets it.
         """
         t = floats(t)
-        i, s, held = pieces.located(self.breaks, t.ravel())
+        i, s, outside = pieces.located(self.breaks, t.ravel())
         q, v, acc = pieces.evaluate(self.coordinates, self.coef[i], self.base[i], s)
-        v[held], acc[held] = 0.0, 0.0
+        v[outside], acc[outside] = 0.0, 0.0
         q, v, acc = (x.reshape(*t.shape, x.shape[-1]) for x in (q, v, acc))
         return q, v, acc
 
@@ -372,14 +384,14 @@ class Input:
             InputError: naming the coordinates and times where it jumps.
         """
         mistakes = Mistakes.of_inputs()
-        binding.note_lengths(self.coordinates, self.breaks[None], self.coef[None], mistakes)
-        return self._joined(mistakes)
+        binding.report_lengths(self.coordinates, self.breaks[None], self.coef[None], mistakes)
+        return self._without_jumps(mistakes)
 
-    def _joined(self, mistakes: Mistakes) -> Input:
+    def _without_jumps(self, mistakes: Mistakes) -> Input:
         """The same without small jumps; raises ``mistakes`` and larger jumps."""
         breaks, coef, base, named, _ = self._arrays
-        coef = pieces.joined(self.coordinates, breaks, coef, base, named, mistakes)
-        mistakes.refuse()
+        coef = pieces.without_jumps(self.coordinates, breaks, coef, base, named, mistakes)
+        mistakes.raise_if_any()
         return self if coef is self.coef else dataclasses.replace(self, coef=coef)
 
     def at_rest(self) -> Input:
@@ -394,13 +406,13 @@ class Input:
     def _arrays(self) -> InputArrays:
         return InputArrays(self.breaks, self.coef, self.base, self.named, self.force)
 
-    def _on(self, breaks: Times) -> Input:
+    def _on_breaks(self, breaks: Times) -> Input:
         """The same input on more breaks, which include its own."""
-        ends = self.evaluate(self.start)[0], self.evaluate(self.end)[0]
-        on = arrays.on_breaks(self.coordinates, self._arrays, ends, breaks)
-        return dataclasses.replace(self, **on._asdict())
+        end_configurations = self.evaluate(self.start)[0], self.evaluate(self.end)[0]
+        refined = arrays.on_breaks(self.coordinates, self._arrays, end_configurations, breaks)
+        return dataclasses.replace(self, **refined._asdict())
 
-    def _filled(self, which: MaskRows, q_K: ConfigK) -> Input:
-        """The same with the coordinates of the mask ``which`` (n_vK,) named and still at q_K."""
-        filled = arrays.filled(self.coordinates, self._arrays, which, q_K)
+    def _with_held(self, mask: MaskRows, q_K: ConfigK) -> Input:
+        """The same with the coordinates of ``mask`` (n_vK,) named and held at q_K."""
+        filled = arrays.filled(self.coordinates, self._arrays, mask, q_K)
         return dataclasses.replace(self, **filled._asdict())

@@ -49,9 +49,9 @@ class InputDerivative(ShortRepr):
     def evaluate(self, t: float | Times) -> tuple[VecK, VecK, VecK]:
         """dq_K/ds, dv_K/ds and dacc_K/ds, each (..., n_vK), at times (...) [s]."""
         t = np.asarray(t, dtype=float)
-        i, s, held = pieces.located(self.breaks, t.ravel())
+        i, s, outside = pieces.located(self.breaks, t.ravel())
         q, v, acc = polynomial.evaluate(self.coef[i], s[:, None])
-        v[held], acc[held] = 0.0, 0.0
+        v[outside], acc[outside] = 0.0, 0.0
         q, v, acc = (x.reshape(*t.shape, x.shape[-1]) for x in (q, v, acc))
         return q, v, acc
 
@@ -91,27 +91,30 @@ class InputDerivative(ShortRepr):
         table, mistakes, sign = reading.table_of(table), Mistakes.of_inputs(), _SIDES[side]
         inputs = Input.waypoints(table, points)
         # A coordinate with a drive is replaced by its command.
-        called = {name: table.commands.get(name, name) for name in points}
+        channel_of = {name: table.commands.get(name, name) for name in points}
         for name in only if only is not None else ():
-            if name not in called:
-                raise UnknownNameError("coordinate of these waypoints", name, list(called))
-        chosen = [name for name in called if only is None or name in only]
-        for name in chosen:
-            if called[name] in table.rotations:
+            if name not in channel_of:
+                raise UnknownNameError("coordinate of these waypoints", name, list(channel_of))
+        names = [name for name in channel_of if only is None or name in only]
+        for name in names:
+            if channel_of[name] in table.rotations:
                 mistakes.add(
                     (name,),
                     "is a rotation, for whose waypoints there is no derivative; leave it out with "
                     "only=[...]",
                 )
-        mistakes.refuse()
-        read = reading.waypoints(table, points, mistakes)
+        mistakes.raise_if_any()
+        checked_points = reading.waypoints(table, points, mistakes)
         derivatives = []
-        for name in chosen:
-            t, values = read[called[name]]
-            t, (_, v) = pieces.snap(t, inputs.breaks), pieces.channel_names(table)[called[name]]
-            for k, direction in enumerate(np.eye(len(t))):
-                along, smooth = channel.scalar_waypoints_along(t, values, sign * direction)
+        for name in names:
+            t, values = checked_points[channel_of[name]]
+            t, (_, v) = (
+                pieces.snapped_to_breaks(t, inputs.breaks),
+                pieces.channel_names(table)[channel_of[name]],
+            )
+            for k, unit_change in enumerate(np.eye(len(t))):
+                derivative, smooth = channel.scalar_waypoints_along(t, values, sign * unit_change)
                 coef = np.zeros((len(inputs.coef), table.n_vK, polynomial.N_COEF))
-                coef[:, v] = sign * along.on(inputs.breaks)[0]
+                coef[:, v] = sign * derivative.on(inputs.breaks)[0]
                 derivatives.append(cls(table, inputs.breaks, coef, f"{name}[{k}]", smooth))
         return tuple(derivatives)

@@ -68,8 +68,8 @@ class Inputs:
         return len(self.coef)
 
     def __repr__(self) -> str:
-        ends = f"{np.min(self.breaks):g} to {np.max(self.breaks):g} s"
-        return f"<Inputs: {len(self)}, {ends}{', relative' if self.relative else ''}>"
+        interval = f"{np.min(self.breaks):g} to {np.max(self.breaks):g} s"
+        return f"<Inputs: {len(self)}, {interval}{', relative' if self.relative else ''}>"
 
     def __getitem__(self, i: int) -> Input:
         if self.relative:
@@ -78,19 +78,19 @@ class Inputs:
                 "inputs.bound(x0.q_K)[i]"
             )
         breaks = self.breaks[i if len(self.breaks) > 1 else 0]
-        lasting = np.diff(breaks) > 0
-        force = None if self.force is None else self.force[i][lasting]
+        has_duration = np.diff(breaks) > 0
+        force = None if self.force is None else self.force[i][has_duration]
         return Input(
             self.coordinates,
-            np.append(breaks[:-1][lasting], breaks[-1]),
-            self.coef[i][lasting],
-            self.base[i][lasting],
+            np.append(breaks[:-1][has_duration], breaks[-1]),
+            self.coef[i][has_duration],
+            self.base[i][has_duration],
             self.named[i if len(self.named) > 1 else 0],
             force,
         )
 
     @classmethod
-    def of(cls, inputs: Sequence[Input]) -> Inputs:
+    def stack(cls, inputs: Sequence[Input]) -> Inputs:
         """Several inputs of one puppet. Shorter ones are held at their ends.
 
         Args:
@@ -99,25 +99,25 @@ class Inputs:
         Raises:
             ValueError: the list is empty, or its inputs are of different puppets.
         """
-        binding.check_same_puppet([x.coordinates for x in inputs])
-        table, longest = inputs[0].coordinates, max(len(x.coef) for x in inputs)
-        n, forced = len(inputs), any(x.force is not None for x in inputs)
+        binding.check_same_puppet([single.coordinates for single in inputs])
+        table, n_pieces = inputs[0].coordinates, max(len(single.coef) for single in inputs)
+        n, has_force = len(inputs), any(single.force is not None for single in inputs)
         # Shorter ones get pieces of duration 0 at their end.
-        breaks = np.empty((n, longest + 1))
-        coef = np.empty((n, longest, table.n_vK, polynomial.N_COEF))
-        base = np.empty((n, longest, table.n_qK))
-        force = np.zeros((n, longest, table.n_vD, polynomial.N_COEF))
-        for i, x in enumerate(inputs):
-            k = len(x.coef)
-            breaks[i, : k + 1], breaks[i, k + 1 :] = x.breaks, x.end
-            coef[i, :k], base[i, :k] = x.coef, x.base
-            coef[i, k:], base[i, k:] = x.coef[-1], x.base[-1]
-            if x.force is not None:
-                force[i, :k] = x.force
+        breaks = np.empty((n, n_pieces + 1))
+        coef = np.empty((n, n_pieces, table.n_vK, polynomial.N_COEF))
+        base = np.empty((n, n_pieces, table.n_qK))
+        force = np.zeros((n, n_pieces, table.n_vD, polynomial.N_COEF))
+        for i, single in enumerate(inputs):
+            k = len(single.coef)
+            breaks[i, : k + 1], breaks[i, k + 1 :] = single.breaks, single.end
+            coef[i, :k], base[i, :k] = single.coef, single.base
+            coef[i, k:], base[i, k:] = single.coef[-1], single.base[-1]
+            if single.force is not None:
+                force[i, :k] = single.force
         if np.all(breaks == breaks[0]):
             breaks = breaks[:1]
-        named = np.stack([x.named for x in inputs])
-        return cls(table, breaks, coef, base, named, force if forced else None)
+        named = np.stack([single.named for single in inputs])
+        return cls(table, breaks, coef, base, named, force if has_force else None)
 
     @classmethod
     def random(
@@ -151,33 +151,33 @@ class Inputs:
         table = reading.table_of(table)
         check_positive(n=n, t_end=t_end, every=every)
         check_not_negative(reach=reach, turn=turn)
-        places = pieces.channel_names(table)
+        slices = pieces.channel_names(table)
         for name in only or ():
-            if name not in places:
-                raise UnknownNameError("driven coordinate", name, places)
+            if name not in slices:
+                raise UnknownNameError("driven coordinate", name, slices)
         n_seg = max(1, round(t_end / every))
         breaks = np.linspace(0.0, t_end, n_seg + 1)
-        units = {row.name: row.unit for row in table.rows}
-        farthest = np.full(table.n_vK, float(turn))
-        for place, row in table.scalars_K:
-            farthest[row] = reach if units[table.q_K[place]] == "m" else turn
-        for name, (_, v) in places.items():
+        units = {v_index.name: v_index.unit for v_index in table.rows}
+        max_moves = np.full(table.n_vK, float(turn))
+        for q_index, v_index in table.scalars_K:
+            max_moves[v_index] = reach if units[table.q_K[q_index]] == "m" else turn
+        for name, (_, v) in slices.items():
             if only is not None and name not in only:
-                farthest[v] = 0.0
-        drawn = [
+                max_moves[v] = 0.0
+        random_points = [
             np.random.default_rng([seed, i]).uniform(-1.0, 1.0, (n_seg + 1, table.n_vK))
             for i in range(n)
         ]
-        points = np.stack(drawn) * farthest
+        points = np.stack(random_points) * max_moves
         points[:, [0, -1]] = 0.0
         coef = np.zeros((n, n_seg, table.n_vK, polynomial.N_COEF))
         base = np.zeros((n, n_seg, table.n_qK))
         move, h = np.diff(points, axis=1), t_end / n_seg
-        for name, (q, v) in places.items():
+        for name, (q, v) in slices.items():
             if name in table.rotations:
-                at = rotation.exp(points[:, :, v])
-                base[:, :, q] = at[:, :-1]
-                move[:, :, v] = rotation.between(at[:, :-1], at[:, 1:])
+                quaternions = rotation.exp(points[:, :, v])
+                base[:, :, q] = quaternions[:, :-1]
+                move[:, :, v] = rotation.between(quaternions[:, :-1], quaternions[:, 1:])
             else:
                 base[:, :, q] = points[:, :-1, v]
                 coef[:, :, v, 0] = points[:, :-1, v]
@@ -203,22 +203,22 @@ class Inputs:
         ends = self.breaks[:, 0], self.breaks[:, -1]
         if not any(np.any(self.evaluate(t)[1]) for t in ends):
             return self
-        return Inputs.of([self[i].at_rest() for i in range(len(self))])
+        return Inputs.stack([self[i].at_rest() for i in range(len(self))])
 
     def evaluate(self, t: float | Array) -> tuple[Array, Array, Array]:
         """q_K (n, n_qK), v_K (n, n_vK) and acc_K (n, n_vK) at a time [s], or at n times (n,)."""
         n, n_seg = self.coef.shape[:2]
         breaks = np.broadcast_to(self.breaks, (n, n_seg + 1))
         t = np.broadcast_to(np.asarray(t, dtype=float), n)[:, None]
-        at = np.clip(t, breaks[:, :1], breaks[:, -1:])
+        clipped_t = np.clip(t, breaks[:, :1], breaks[:, -1:])
         last = (np.diff(breaks) > 0).sum(axis=1) - 1
-        i = np.clip((breaks <= at).sum(axis=1) - 1, 0, last)
-        every = np.arange(n)
-        s = at[:, 0] - breaks[every, i]
-        coef, base = self.coef[every, i], self.base[every, i]
+        i = np.clip((breaks <= clipped_t).sum(axis=1) - 1, 0, last)
+        rows = np.arange(n)
+        s = clipped_t[:, 0] - breaks[rows, i]
+        coef, base = self.coef[rows, i], self.base[rows, i]
         q, v, acc = pieces.evaluate(self.coordinates, coef, base, s)
-        held = ((t < breaks[:, :1]) | (t > breaks[:, -1:]))[:, 0]
-        v[held], acc[held] = 0.0, 0.0
+        outside = ((t < breaks[:, :1]) | (t > breaks[:, -1:]))[:, 0]
+        v[outside], acc[outside] = 0.0, 0.0
         return q, v, acc
 
     def bound(self, q_K: Array, t: float | None = None, v_K: Array | None = None) -> Inputs:
@@ -239,22 +239,22 @@ class Inputs:
             q_K, v_K = q_K[:1], None if v_K is None else v_K[:1]
         n = max(len(q_K), len(self))
         if self.relative:
-            return self._from(q_K, n)
+            return self._added_to(q_K, n)
         coef = np.broadcast_to(self.coef, (n, *self.coef.shape[1:]))
         base = np.broadcast_to(self.base, (n, *self.base.shape[1:]))
         t = self.start if t is None else float(t)
-        q_here, v_here, _ = self.evaluate(t)
-        q_here = np.broadcast_to(q_here, (n, self.coordinates.n_qK))
-        v_here = np.broadcast_to(v_here, (n, n_v))
+        q_inputs, v_inputs, _ = self.evaluate(t)
+        q_inputs = np.broadcast_to(q_inputs, (n, self.coordinates.n_qK))
+        v_inputs = np.broadcast_to(v_inputs, (n, n_v))
         q_K = np.broadcast_to(q_K, (n, self.coordinates.n_qK))
         named = np.broadcast_to(self.named, (n, n_v))
-        speeds = None if v_K is None else (v_here, np.broadcast_to(v_K, (n, n_v)))
+        speeds = None if v_K is None else (v_inputs, np.broadcast_to(v_K, (n, n_v)))
         coef, base = binding.bound(
-            self.coordinates, self.breaks, coef, base, named, q_here, q_K, t, speeds
+            self.coordinates, self.breaks, coef, base, named, q_inputs, q_K, t, speeds
         )
         return dataclasses.replace(self, coef=coef, base=base)
 
-    def _from(self, q_K: Array, n: int) -> Inputs:
+    def _added_to(self, q_K: Array, n: int) -> Inputs:
         """Relative motions added to start configurations (n or 1, n_qK)."""
         table = self.coordinates
         coef = np.array(np.broadcast_to(self.coef, (n, *self.coef.shape[1:])))
@@ -263,6 +263,6 @@ class Inputs:
             base[:, :, q] += q_K[:, None, q]
             coef[:, :, v, 0] += q_K[:, None, q]
         for q, _ in table.quaternions_K:
-            spot = slice(q, q + 4)
-            base[:, :, spot] = rotation.multiply(q_K[:, None, spot], base[:, :, spot])
+            q_slice = slice(q, q + 4)
+            base[:, :, q_slice] = rotation.multiply(q_K[:, None, q_slice], base[:, :, q_slice])
         return dataclasses.replace(self, coef=coef, base=base, relative=False)

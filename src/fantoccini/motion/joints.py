@@ -60,15 +60,15 @@ def tolerances(table: CoordinateTable, breaks: Array, coef: Array) -> tuple[Arra
     speed = np.max(np.abs(v), axis=(1, 3), initial=0.0)
     reach = np.max(q, axis=(1, 3)) - np.min(q, axis=(1, 3))
     size = np.maximum(1.0, np.abs(q[:, 0, :, 0]))
-    for _, at in table.quaternions_K:
-        turn = slice(at, at + 3)
-        speed[:, turn] = np.max(np.linalg.norm(v[:, :, turn], axis=2), axis=(1, 2))[:, None]
-        reach[:, turn], size[:, turn] = 0.0, 1.0
+    for _, v_start in table.quaternions_K:
+        v_slice = slice(v_start, v_start + 3)
+        speed[:, v_slice] = np.max(np.linalg.norm(v[:, :, v_slice], axis=2), axis=(1, 2))[:, None]
+        reach[:, v_slice], size[:, v_slice] = 0.0, 1.0
     units = {row.name: row.unit for row in table.rows}
-    metres = np.zeros(table.n_vK, dtype=bool)
-    for place, at in table.scalars_K:
-        metres[at] = units[table.q_K[place]] == "m"
-    for same_unit in (metres, ~metres):
+    is_length = np.zeros(table.n_vK, dtype=bool)
+    for place, v_start in table.scalars_K:
+        is_length[v_start] = units[table.q_K[place]] == "m"
+    for same_unit in (is_length, ~is_length):
         for scale in (speed, reach):
             scale[:, same_unit] = np.max(scale[:, same_unit], axis=1, initial=0.0)[:, None]
     tol = TOLERANCES
@@ -93,9 +93,9 @@ def with_start(
         (n, n_vK, 6) coefficients.
     """
     remaining, zero = h - s, np.zeros_like(v)
-    dv = _rates(table, coef, s, v)
-    changes = _not_rounding(move, dv) & (remaining > TOLERANCES.min_duration)[:, None]
-    move, dv = np.where(changes, move, 0.0), np.where(changes, dv, 0.0)
+    dv = _rate_differences(table, coef, s, v)
+    is_changed = _exceeds_rounding(move, dv) & (remaining > TOLERANCES.min_duration)[:, None]
+    move, dv = np.where(is_changed, move, 0.0), np.where(is_changed, dv, 0.0)
     remaining = np.where(remaining > TOLERANCES.min_duration, remaining, 1.0)[:, None]
     correction = polynomial.hermite(remaining, (move, dv, zero), (zero, zero, zero))
     return coef + polynomial.shifted(correction, -s)
@@ -104,23 +104,23 @@ def with_start(
 def with_end(table: CoordinateTable, coef: Array, h: Array, move: Array, v: Array) -> Array:
     """Pieces with a new end position and velocity; arguments as in :func:`with_start`."""
     zero = np.zeros_like(v)
-    dv = _rates(table, coef, h, v)
-    changes = _not_rounding(move, dv) & (h > TOLERANCES.min_duration)[:, None]
-    move, dv = np.where(changes, move, 0.0), np.where(changes, dv, 0.0)
+    dv = _rate_differences(table, coef, h, v)
+    is_changed = _exceeds_rounding(move, dv) & (h > TOLERANCES.min_duration)[:, None]
+    move, dv = np.where(is_changed, move, 0.0), np.where(is_changed, dv, 0.0)
     h = np.where(h > TOLERANCES.min_duration, h, 1.0)[:, None]
     return coef + polynomial.hermite(h, (zero, zero, zero), (move, dv, zero))
 
 
-def _not_rounding(move: Array, dv: Array) -> Mask:
+def _exceeds_rounding(move: Array, dv: Array) -> Mask:
     return (np.abs(move) > TOLERANCES.rounded_position) | (np.abs(dv) > TOLERANCES.rounded_speed)
 
 
-def _rates(table: CoordinateTable, coef: Array, s: Array, v: Array) -> Array:
+def _rate_differences(table: CoordinateTable, coef: Array, s: Array, v: Array) -> Array:
     """Velocities v (n, n_vK) minus the polynomials' rates at times s (n,)."""
     p, rate, _ = polynomial.evaluate(coef, s[:, None])
     target = np.array(v)
-    for _, at in table.quaternions_K:
-        turn = slice(at, at + 3)
-        inverse = rotation.right_jacobian_inverse(p[:, turn])
-        target[:, turn] = rotation.apply(inverse, v[:, turn])
+    for _, v_start in table.quaternions_K:
+        v_slice = slice(v_start, v_start + 3)
+        inverse = rotation.right_jacobian_inverse(p[:, v_slice])
+        target[:, v_slice] = rotation.apply(inverse, v[:, v_slice])
     return target - rate

@@ -38,20 +38,22 @@ def overloads(
         q_D: (n_qD,) dynamic configuration at the run's end [rad, m or 1].
         q_K: (n_qK,) driven configuration at the run's end [rad, m or 1].
     """
-    events_of: dict[str, list[EventRecord]] = {}
-    for event in weak(events):
-        events_of.setdefault(event.name, []).append(event)
+    events_by_name: dict[str, list[EventRecord]] = {}
+    for event in overload_events(events):
+        events_by_name.setdefault(event.name, []).append(event)
     result = {}
-    for name, own in events_of.items():
+    for name, drive_events in events_by_name.items():
         error = None
         if name in table.q_D:
             commanded = q_K[table.q_K.index(table.commands[name])]
             error = float(commanded - q_D[table.q_D.index(name)])
-        lost = sum(event.kind is EventKind.LOST_STEP for event in own)
-        result[name] = Overload(own[0].t, lost, lost < len(own), error)
+        lost_steps = sum(event.kind is EventKind.LOST_STEP for event in drive_events)
+        result[name] = Overload(
+            drive_events[0].t, lost_steps, lost_steps < len(drive_events), error
+        )
     return result
 
 
-def weak(events: Iterable[EventRecord]) -> list[EventRecord]:
+def overload_events(events: Iterable[EventRecord]) -> list[EventRecord]:
     """The events of overloaded drives."""
     return [e for e in events if e.kind in (EventKind.LOST_STEP, EventKind.RUNAWAY)]

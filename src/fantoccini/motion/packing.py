@@ -36,7 +36,7 @@ def unpack_run(
     Raises:
         LookupError, TypeError, ValueError: the arrays are not those of a run.
     """
-    names = json.loads(arrays[0].tobytes())
-    named = dict(zip(names["arrays"], arrays[1:], strict=True))
-    fields = archive.fields_of(named, names["about"], "")
+    header = json.loads(arrays[0].tobytes())
+    arrays_by_name = dict(zip(header["arrays"], arrays[1:], strict=True))
+    fields = archive.fields_of(arrays_by_name, header["about"], "")
     return Trajectory(**fields | {"puppet": puppet, "coordinates": coordinates})

@@ -44,10 +44,10 @@ def evaluate(
     for q, v in table.scalars_K:
         q_K[:, q] = p[:, v]
     for q, v in table.quaternions_K:
-        spot, turn = slice(q, q + 4), slice(v, v + 3)
-        phi, rate, curve = p[:, turn], first[:, turn], second[:, turn]
-        q_K[:, spot] = rotation.multiply(base[:, spot], rotation.exp(phi))
-        first[:, turn], second[:, turn] = rotation.body_motion(phi, rate, curve)
+        q_slice, v_slice = slice(q, q + 4), slice(v, v + 3)
+        phi, rate, rate_derivative = p[:, v_slice], first[:, v_slice], second[:, v_slice]
+        q_K[:, q_slice] = rotation.multiply(base[:, q_slice], rotation.exp(phi))
+        first[:, v_slice], second[:, v_slice] = rotation.body_motion(phi, rate, rate_derivative)
     return q_K, first, second
 
 
@@ -65,7 +65,7 @@ def constants(table: CoordinateTable, q_K: ConfigK) -> tuple[Array, Array]:
     return coef, np.asarray(q_K, dtype=float)
 
 
-def assembled(
+def on_common_breaks(
     table: CoordinateTable, channels: Mapping[str, Channel], span: Sequence[float] = ()
 ) -> tuple[Times, Array, Array, Mask]:
     """Channels on common breaks; coordinates without a channel hold the table's start, unnamed.
@@ -78,19 +78,19 @@ def assembled(
     Returns:
         breaks (n + 1,), coef (n, n_vK, 6), base (n, n_qK), named (n_vK,).
     """
-    breaks = clock([np.array(span, dtype=float), *(c.times for c in channels.values())])
+    breaks = merged_times([np.array(span, dtype=float), *(c.times for c in channels.values())])
     if len(breaks) == 0:
         breaks = np.array([0.0, 1.0])
     elif len(breaks) == 1:
         breaks = np.array([breaks[0], breaks[0] + 1.0])
     n = len(breaks) - 1
-    still, start = constants(table, table.start_K)
-    coef, base = np.tile(still, (n, 1, 1)), np.tile(start, (n, 1))
+    rest_coef, rest_base = constants(table, table.start_K)
+    coef, base = np.tile(rest_coef, (n, 1, 1)), np.tile(rest_base, (n, 1))
     named = np.zeros(table.n_vK, dtype=bool)
-    places = channel_names(table)
-    for name, own in channels.items():
-        q, v = places[name]
-        coef[:, v], base[:, q] = own.on(breaks)
+    slices = channel_names(table)
+    for name, motion in channels.items():
+        q, v = slices[name]
+        coef[:, v], base[:, q] = motion.on(breaks)
         named[v] = True
     return breaks, coef, base, named
 
@@ -113,28 +113,28 @@ def constant_acceleration(
     n, h = len(t) - 1, np.diff(t)[:, None]
     coef, base = np.zeros((n, table.n_vK, polynomial.N_COEF)), np.zeros((n, table.n_qK))
     base[:], coef[..., 1], coef[..., 2] = q_K, v_K, 0.5 * acc_K
-    q_places, v_places = table.places_K
+    q_scalars, v_scalars = table.scalar_indices_K
     if n > 1 and np.ndim(q_K) == 1 and np.ndim(v_K) == 1:
-        gained = np.cumsum((acc_K * h)[:-1], axis=0)
-        coef[1:, v_places, 1] = (v_K + gained)[:, v_places]
-        moved = h * (coef[..., 1] + h * coef[..., 2])
-        base[1:, q_places] = q_K[q_places] + np.cumsum(moved[:-1, v_places], axis=0)
+        speed_gains = np.cumsum((acc_K * h)[:-1], axis=0)
+        coef[1:, v_scalars, 1] = (v_K + speed_gains)[:, v_scalars]
+        moves = h * (coef[..., 1] + h * coef[..., 2])
+        base[1:, q_scalars] = q_K[q_scalars] + np.cumsum(moves[:-1, v_scalars], axis=0)
         # The body velocity at the end of a rotation depends on its whole piece.
         for i in range(1, n if table.quaternions_K else 0):
-            here = slice(i - 1, i)
-            turned, rate, _ = evaluate(table, coef[here], base[here], h[here, 0])
+            piece = slice(i - 1, i)
+            end_q, end_v, _ = evaluate(table, coef[piece], base[piece], h[piece, 0])
             for q, v in table.quaternions_K:
-                base[i, q : q + 4], coef[i, v : v + 3, 1] = turned[0, q : q + 4], rate[0, v : v + 3]
-    coef[:, v_places, 0] = base[:, q_places]
+                base[i, q : q + 4], coef[i, v : v + 3, 1] = end_q[0, q : q + 4], end_v[0, v : v + 3]
+    coef[:, v_scalars, 0] = base[:, q_scalars]
     return coef, base
 
 
 def through_waypoints(table: CoordinateTable, points: Mapping[str, Points]) -> dict[str, Channel]:
     """Smooth channels through waypoints, on common breaks."""
-    breaks = clock([t for t, _ in points.values()])
+    breaks = merged_times([t for t, _ in points.values()])
     return {
         name: (channel.rotation_waypoints if name in table.rotations else channel.scalar_waypoints)(
-            snap(t, breaks), values
+            snapped_to_breaks(t, breaks), values
         )
         for name, (t, values) in points.items()
     }
@@ -152,7 +152,7 @@ def through_samples(
     }
 
 
-def clock(times: Sequence[Times]) -> Times:
+def merged_times(times: Sequence[Times]) -> Times:
     """All times in order, without those within SAME_TIME after another."""
     distinct: list[float] = []
     for t in np.unique(np.concatenate([np.zeros(0), *times])):
@@ -161,20 +161,24 @@ def clock(times: Sequence[Times]) -> Times:
     return np.array(distinct)
 
 
-def refined(breaks: Times, times: Sequence[Times]) -> Times:
+def refined_breaks(breaks: Times, times: Sequence[Times]) -> Times:
     """The breaks, and all times that differ from them by more than SAME_TIME."""
-    new = clock(times)
-    return np.sort(np.concatenate([breaks, new[np.abs(snap(new, breaks) - new) > SAME_TIME]]))
+    distinct = merged_times(times)
+    return np.sort(
+        np.concatenate(
+            [breaks, distinct[np.abs(snapped_to_breaks(distinct, breaks) - distinct) > SAME_TIME]]
+        )
+    )
 
 
-def snap(t: Times, breaks: Times) -> Times:
+def snapped_to_breaks(t: Times, breaks: Times) -> Times:
     """The break nearest to each time."""
     after = np.clip(np.searchsorted(breaks, t), 1, max(len(breaks) - 1, 1))
     lower, upper = breaks[after - 1], breaks[np.minimum(after, len(breaks) - 1)]
     return np.where(np.abs(t - lower) <= np.abs(upper - t), lower, upper)
 
 
-def joined(
+def without_jumps(
     table: CoordinateTable,
     breaks: Times,
     coef: Array,
@@ -190,24 +194,31 @@ def joined(
     h = np.diff(breaks)
     q_0, v_0, _ = evaluate(table, coef[:-1], base[:-1], h[:-1])
     q_1, v_1, _ = evaluate(table, coef[1:], base[1:], np.zeros(len(h) - 1))
-    place, speed = (x[0] for x in joints.tolerances(table, breaks[None], coef[None]))
+    max_move, max_speed = (x[0] for x in joints.tolerances(table, breaks[None], coef[None]))
     move = np.zeros_like(v_0)
     for name, (q, v) in channel_names(table).items():
         if not named[v.start]:
             continue
         if name in table.rotations:
-            step = np.linalg.norm(rotation.between(q_0[:, q], q_1[:, q]), axis=-1)
-            same = np.full_like(step, joints.TOLERANCES.position)
+            distance = np.linalg.norm(rotation.between(q_0[:, q], q_1[:, q]), axis=-1)
+            max_distance = np.full_like(distance, joints.TOLERANCES.position)
         else:
             move[:, v] = (q_1 - q_0)[:, q]
-            step = np.abs(move[:, v.start])
-            same = np.maximum(place[v.start], joints.TOLERANCES.position * np.abs(q_0[:, q.start]))
-        jump = np.linalg.norm(v_1[:, v] - v_0[:, v], axis=-1)
-        for what, by, bound in (("position", step, same), ("velocity", jump, speed[v.start])):
-            for i in np.nonzero(~(by <= bound))[0]:
-                mistakes.add((name,), f"jumps in {what} by {by[i]:.3g} at t = {breaks[i + 1]:g} s")
-    apart = (np.abs(v_1 - v_0) > joints.TOLERANCES.rounded_speed)[:, named]
-    if not np.any(apart) and not np.any(np.abs(move) > joints.TOLERANCES.rounded_position):
+            distance = np.abs(move[:, v.start])
+            max_distance = np.maximum(
+                max_move[v.start], joints.TOLERANCES.position * np.abs(q_0[:, q.start])
+            )
+        speed_change = np.linalg.norm(v_1[:, v] - v_0[:, v], axis=-1)
+        for quantity, sizes, bound in (
+            ("position", distance, max_distance),
+            ("velocity", speed_change, max_speed[v.start]),
+        ):
+            for i in np.nonzero(~(sizes <= bound))[0]:
+                mistakes.add(
+                    (name,), f"jumps in {quantity} by {sizes[i]:.3g} at t = {breaks[i + 1]:g} s"
+                )
+    has_speed_jump = (np.abs(v_1 - v_0) > joints.TOLERANCES.rounded_speed)[:, named]
+    if not np.any(has_speed_jump) and not np.any(np.abs(move) > joints.TOLERANCES.rounded_position):
         return coef
     out = np.array(coef)
     out[:-1] = joints.with_end(table, coef[:-1], h[:-1], move, v_1)

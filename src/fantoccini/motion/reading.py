@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import TypeAdapter, ValidationError
 
-from fantoccini.base import Array, Times, is_number, nearest, rotation
+from fantoccini.base import Array, Times, did_you_mean, is_number, rotation
 from fantoccini.base.documents import Angle, Mistakes, Path, shown
 from fantoccini.model.tree import CoordinateTable
 from fantoccini.motion.channel import SAME_TIME, Points
@@ -62,12 +62,14 @@ def table_of(owner: Table) -> CoordinateTable:
 def unknown_coordinate(table: CoordinateTable, name: str) -> str:
     """Error message for a name that is not a driven coordinate."""
     for channel, (_, v) in table.rotations.items():
-        numbers = [n for columns in _quaternions(table, channel).values() for n in columns]
-        if name in (*numbers, *table.v_K[v : v + 3]):
+        quaternion_names = [
+            column for columns in _quaternions(table, channel).values() for column in columns
+        ]
+        if name in (*quaternion_names, *table.v_K[v : v + 3]):
             return f"is one number of a rotation; drive {channel!r} as a whole"
     if name in table.q_D or name in table.v_D:
         return "moves by itself: it is dynamic, and inputs drive the driven coordinates only"
-    return f"is not a driven coordinate{nearest(str(name), channel_names(table))}"
+    return f"is not a driven coordinate{did_you_mean(str(name), channel_names(table))}"
 
 
 def _quaternions(table: CoordinateTable, channel: str) -> dict[str, list[str]]:
@@ -77,67 +79,75 @@ def _quaternions(table: CoordinateTable, channel: str) -> dict[str, list[str]]:
 
 
 def _given_once(
-    name: str, written: str, spelt: dict[str, str], path: Path, mistakes: Mistakes
+    name: str, given_name: str, given_names: dict[str, str], path: Path, mistakes: Mistakes
 ) -> bool:
     """Whether a channel has one name only, its own or its coordinate's; reports a second one."""
-    first = spelt.setdefault(name, written)
-    if first != written:
-        mistakes.add(path, f"is given twice: as {first} and as {written}; leave one out")
-    return first == written
+    first_name = given_names.setdefault(name, given_name)
+    if first_name != given_name:
+        mistakes.add(path, f"is given twice: as {first_name} and as {given_name}; leave one out")
+    return first_name == given_name
 
 
 def waypoints(
-    table: CoordinateTable, given: Mapping[str, Any], mistakes: Mistakes, at: Path = ()
+    table: CoordinateTable,
+    points_by_name: Mapping[str, Any],
+    mistakes: Mistakes,
+    parent_path: Path = (),
 ) -> dict[str, Points]:
     """Reads ``{name: [(t, value), ...]}`` for driven coordinates and coordinates with a drive.
 
     Args:
         table: names of the coordinates.
-        given: waypoints as the user wrote them.
+        points_by_name: waypoints as the user wrote them.
         mistakes: collects them.
-        at: path of ``given`` itself.
+        parent_path: path of ``points_by_name`` itself.
 
     Returns:
         Times and values of every name without a mistake.
     """
-    known, read = channel_names(table), {}
-    spelt: dict[str, str] = {}
+    slices, series_by_name = channel_names(table), {}
+    given_names: dict[str, str] = {}
     units = {row.name: row.unit for row in table.rows}
-    for written, points in given.items():
-        path, name = (*at, str(written)), table.commands.get(written, written)
-        if name not in known:
+    for given_name, points in points_by_name.items():
+        path, name = (*parent_path, str(given_name)), table.commands.get(given_name, given_name)
+        if name not in slices:
             mistakes.add(path, unknown_coordinate(table, name))
             continue
-        if not _given_once(name, written, spelt, path, mistakes):
+        if not _given_once(name, given_name, given_names, path, mistakes):
             continue
         if name in table.rotations:
             rotations = series(points, mistakes, path, _quaternion)
-            if rotations is not None and _turns(points, rotations[1], mistakes, path):
-                read[name] = rotations
+            if rotations is not None and _are_turns_unambiguous(
+                points, rotations[1], mistakes, path
+            ):
+                series_by_name[name] = rotations
         else:
             scalar = partial(number, angle=units.get(name) == "rad")
             values = series(points, mistakes, path, scalar)
             if values is not None:
-                read[name] = values
-    return read
+                series_by_name[name] = values
+    return series_by_name
 
 
 def forces(
-    table: CoordinateTable, given: Mapping[str, Any], mistakes: Mistakes, at: Path = ()
+    table: CoordinateTable,
+    points_by_name: Mapping[str, Any],
+    mistakes: Mistakes,
+    parent_path: Path = (),
 ) -> dict[str, Points]:
     """Reads ``{name: [(t, force), ...]}`` for dynamic velocities; two equal times are a step."""
-    read = {}
-    for name, points in given.items():
-        path = (*at, str(name))
+    series_by_name = {}
+    for name, points in points_by_name.items():
+        path = (*parent_path, str(name))
         if name not in table.v_D:
             mistakes.add(
-                path, f"is not the name of a dynamic velocity{nearest(str(name), table.v_D)}"
+                path, f"is not the name of a dynamic velocity{did_you_mean(str(name), table.v_D)}"
             )
             continue
-        values = series(points, mistakes, path, number, steps=True)
+        values = series(points, mistakes, path, number, allow_steps=True)
         if values is not None:
-            read[name] = values
-    return read
+            series_by_name[name] = values
+    return series_by_name
 
 
 def number(value: Any, angle: bool = False) -> float:
@@ -177,11 +187,11 @@ def series(
     points: Any,
     mistakes: Mistakes,
     path: Path,
-    read: Callable[[Any], float | Array],
-    steps: bool = False,
+    convert: Callable[[Any], float | Array],
+    allow_steps: bool = False,
 ) -> Points | None:
     """Times and values of one channel; None when a mistake was found."""
-    before = len(mistakes)
+    n_before = len(mistakes)
     if isinstance(points, str | Mapping) or not isinstance(points, Sequence | np.ndarray):
         mistakes.add(path, f"found {shown(points)}; needed: a list of pairs [time, value]")
         return None
@@ -191,8 +201,8 @@ def series(
     times: list[float] = []
     values: list[float | Array] = []
     for i, point in enumerate(points):
-        pair = not isinstance(point, str | Mapping) and isinstance(point, Sequence | np.ndarray)
-        if not pair or len(point) != 2:
+        is_pair = not isinstance(point, str | Mapping) and isinstance(point, Sequence | np.ndarray)
+        if not is_pair or len(point) != 2:
             mistakes.add((*path, i), f"found {shown(point)}; needed: a pair [time, value]")
             continue
         try:
@@ -200,35 +210,35 @@ def series(
         except ValueError as error:
             mistakes.add((*path, i), f"the time: {error}")
             continue
-        if times and not (t - times[-1] > SAME_TIME or (steps and t >= times[-1])):
-            mistakes.add((*path, i), _order(t, times[-1]))
+        if times and not (t - times[-1] > SAME_TIME or (allow_steps and t >= times[-1])):
+            mistakes.add((*path, i), _order_message(t, times[-1]))
         times.append(t)
         try:
-            values.append(read(point[1]))
+            values.append(convert(point[1]))
         except ValueError as error:
             mistakes.add((*path, i), f"the value: {error}")
-    if len(mistakes) > before:
+    if len(mistakes) > n_before:
         return None
     return np.array(times), np.array(values)
 
 
-def _order(t: float, before: float) -> str:
-    if abs(t - before) <= SAME_TIME:
+def _order_message(t: float, previous: float) -> str:
+    if abs(t - previous) <= SAME_TIME:
         return (
             f"comes at t = {t:g} s like the waypoint before it, which would be a step in position; "
             "leave time between them"
         )
-    return f"comes at t = {t:g} s, after a waypoint at {before:g} s; times must increase"
+    return f"comes at t = {t:g} s, after a waypoint at {previous:g} s; times must increase"
 
 
-def _turns(points: Any, q: Array, mistakes: Mistakes, path: Path) -> bool:
+def _are_turns_unambiguous(points: Any, q: Array, mistakes: Mistakes, path: Path) -> bool:
     """Whether neighbouring rotations are less than 180 deg apart, as written and as quaternions."""
     turn = np.linalg.norm(rotation.between(q[:-1], q[1:]), axis=-1)
     for i in range(len(q) - 1):
         if len(points[i][1]) == len(points[i + 1][1]) == 3:
             before, after = ([number(x, angle=True) for x in points[k][1]] for k in (i, i + 1))
-            apart = np.subtract(after, before)
-            turn[i] = max(turn[i], float(np.linalg.norm(apart)))
+            difference = np.subtract(after, before)
+            turn[i] = max(turn[i], float(np.linalg.norm(difference)))
     too_large = np.flatnonzero(turn >= LIMITS.max_turn).tolist()
     for i in too_large:
         mistakes.add(
@@ -253,45 +263,49 @@ def samples(
     Returns:
         Times and values of every name; empty after a mistake.
     """
-    before, known = len(mistakes), channel_names(table)
+    n_before, slices = len(mistakes), channel_names(table)
     times = _column("t", t, None, (), mistakes)
     if times is not None and not len(times):
         mistakes.add(("t",), "found no samples; one or more needed")
     if times is None or not len(times):
         return {}
     for i in np.nonzero(~(np.diff(times) > SAME_TIME))[0]:
-        mistakes.add(("t", int(i) + 1), _order(times[i + 1], times[i]))
-    pending: dict[str, Any] = dict(columns)
-    read: dict[str, Points] = {}
-    spelt: dict[str, str] = {}
-    whole = {n: four for c in table.rotations for n, four in _quaternions(table, c).items()}
-    for name, four in whole.items():
-        parts = [part for part in four if part in pending]
-        if not parts:
+        mistakes.add(("t", int(i) + 1), _order_message(times[i + 1], times[i]))
+    remaining: dict[str, Any] = dict(columns)
+    series_by_name: dict[str, Points] = {}
+    given_names: dict[str, str] = {}
+    quaternion_columns = {
+        n: column_names
+        for c in table.rotations
+        for n, column_names in _quaternions(table, c).items()
+    }
+    for name, column_names in quaternion_columns.items():
+        present = [part for part in column_names if part in remaining]
+        if not present:
             continue
-        missing = [part for part in four if part not in pending]
+        missing = [part for part in column_names if part not in remaining]
         if missing:
-            mistakes.add((parts[0],), f"needs the columns {', '.join(missing)} as well")
-        if name in pending:
-            mistakes.add((name,), f"is given twice: as a whole and as {', '.join(parts)}")
-        four_columns = [_column(p, pending.pop(p), len(times), (), mistakes) for p in parts]
-        sound = [column for column in four_columns if column is not None]
-        if not missing and len(sound) == len(parts):
-            pending[name] = np.stack(sound, axis=-1)
-    for written, values in pending.items():
-        name = table.commands.get(written, written)
-        if name not in known:
+            mistakes.add((present[0],), f"needs the columns {', '.join(missing)} as well")
+        if name in remaining:
+            mistakes.add((name,), f"is given twice: as a whole and as {', '.join(present)}")
+        quaternion_parts = [_column(p, remaining.pop(p), len(times), (), mistakes) for p in present]
+        valid_parts = [column for column in quaternion_parts if column is not None]
+        if not missing and len(valid_parts) == len(present):
+            remaining[name] = np.stack(valid_parts, axis=-1)
+    for given_name, values in remaining.items():
+        name = table.commands.get(given_name, given_name)
+        if name not in slices:
             mistakes.add((str(name),), unknown_coordinate(table, name))
             continue
-        if not _given_once(name, written, spelt, (str(written),), mistakes):
+        if not _given_once(name, given_name, given_names, (str(given_name),), mistakes):
             continue
         shape = (4,) if name in table.rotations else ()
         numbers = _column(name, values, len(times), shape, mistakes)
         if numbers is not None and shape:
-            numbers = _rotations(name, times, numbers, mistakes)
+            numbers = _unit_quaternions(name, times, numbers, mistakes)
         if numbers is not None:
-            read[name] = (times, numbers)
-    return read if len(mistakes) == before else {}
+            series_by_name[name] = (times, numbers)
+    return series_by_name if len(mistakes) == n_before else {}
 
 
 def _column(
@@ -302,19 +316,19 @@ def _column(
     if values.dtype.kind not in "iuf":
         mistakes.add((name,), f"found {values.dtype.name} values; needed: numbers")
         return None
-    wanted = (values.shape[0] if n is None and values.ndim else n, *shape)
-    if values.shape != wanted:
-        sizes = " x ".join("n" if size is None else str(size) for size in wanted)
+    needed_shape = (values.shape[0] if n is None and values.ndim else n, *shape)
+    if values.shape != needed_shape:
+        sizes = " x ".join("n" if size is None else str(size) for size in needed_shape)
         mistakes.add((name,), f"found the shape {values.shape}; needed: {sizes}, as for t")
         return None
-    wrong = ~(np.abs(values) <= LIMITS.max_number)
-    bad = np.unique(np.nonzero(wrong)[0])
-    for i in bad:
+    is_wrong = ~(np.abs(values) <= LIMITS.max_number)
+    wrong_samples = np.unique(np.nonzero(is_wrong)[0])
+    for i in wrong_samples:
         mistakes.add((name, int(i)), f"found {values[i]}; needed: {_NUMBER}")
-    return None if len(bad) else values.astype(float)
+    return None if len(wrong_samples) else values.astype(float)
 
 
-def _rotations(name: str, t: Times, q: Array, mistakes: Mistakes) -> Array | None:
+def _unit_quaternions(name: str, t: Times, q: Array, mistakes: Mistakes) -> Array | None:
     """Unit quaternions; None when one is zero or neighbours are half a turn apart."""
     zero = np.nonzero(~np.any(np.abs(q) > LIMITS.min_quaternion, axis=-1))[0]
     for i in zero:

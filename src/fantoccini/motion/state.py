@@ -28,7 +28,7 @@ from fantoccini.base import (
 if TYPE_CHECKING:
     from fantoccini.model.tree import CoordinateTable
 
-_MOTION = ("q_D", "v_D", "q_K", "v_K")
+_MOTION_FIELDS = ("q_D", "v_D", "q_K", "v_K")
 _MAX_NAMES = 8
 """Largest number of names in a message."""
 
@@ -68,7 +68,7 @@ class State:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "t", _finite_time(self.t))
-        for name in (*_MOTION, "slip"):
+        for name in (*_MOTION_FIELDS, "slip"):
             try:
                 value = frozen(getattr(self, name))
             except (TypeError, ValueError) as error:
@@ -92,10 +92,10 @@ class State:
         Raises:
             StateError: a number of the state is not finite.
         """
-        row = frozen(sample)
-        parts: dict[str, Any] = {name: row[indices[name]] for name in (*_MOTION, "slip")}
-        t, taut = float(row[indices["t"]]), row[indices["taut"]] > 0
-        if not np.isfinite(row).all():  # possibly a number outside of the state
+        values = frozen(sample)
+        parts: dict[str, Any] = {name: values[indices[name]] for name in (*_MOTION_FIELDS, "slip")}
+        t, taut = float(values[indices["t"]]), values[indices["taut"]] > 0
+        if not np.isfinite(values).all():  # possibly a number outside of the state
             return cls(t, **parts, taut=taut, coordinates=coordinates)
         taut.setflags(write=False)
         state = object.__new__(cls)
@@ -120,10 +120,10 @@ class State:
         for names, values in ((table.q_D, self.q_D), (table.q_K, self.q_K)):
             if name in names:
                 return float(values[names.index(name)])
-            first = f"{str(name).removesuffix('rotation')}qw"
-            if str(name).endswith(".rotation") and first in names:
-                at = names.index(first)
-                return values[at : at + 4]
+            first_column = f"{str(name).removesuffix('rotation')}qw"
+            if str(name).endswith(".rotation") and first_column in names:
+                index = names.index(first_column)
+                return values[index : index + 4]
         for names, values in ((table.v_D, self.v_D), (table.v_K, self.v_K)):
             if str(name).startswith("v:") and name[2:] in names:
                 return float(values[names.index(name[2:])])
@@ -143,27 +143,27 @@ class State:
             copy = object.__new__(type(self))
             copy.__dict__.update(self.__dict__, t=_finite_time(changes["t"]))
             return copy
-        moved = any(
+        motion_changed = any(
             name in changes and not np.array_equal(changes[name], getattr(self, name))
-            for name in (*_MOTION, "slip")
+            for name in (*_MOTION_FIELDS, "slip")
         )
-        if moved:
+        if motion_changed:
             changes.setdefault("taut", np.zeros_like(self.taut))
         return dataclasses.replace(self, **changes)
 
     def _values(self) -> tuple[object, ...]:
         """The values that are compared; no slip equals a slip of 0."""
         slip = self.slip.tolist() if np.any(self.slip) else ()
-        motion = (tuple(getattr(self, name).tolist()) for name in _MOTION)
+        motion = (tuple(getattr(self, name).tolist()) for name in _MOTION_FIELDS)
         return self.t, *motion, tuple(self.taut.tolist()), tuple(slip)
 
     def _not_finite(self, name: str, value: Array) -> StateError:
-        at = tuple(int(i) for i in np.argwhere(~np.isfinite(value))[0])
-        place = f"{name}[{', '.join(map(str, at))}]"
+        index = tuple(int(i) for i in np.argwhere(~np.isfinite(value))[0])
+        location = f"{name}[{', '.join(map(str, index))}]"
         names = None if self.coordinates is None else getattr(self.coordinates, name, None)
         if names is not None and len(names) == value.size:
-            place += f" ({names[at[0]]})"
-        return StateError(f"{place} is {value[at]}; a state holds finite numbers")
+            location += f" ({names[index[0]]})"
+        return StateError(f"{location} is {value[index]}; a state holds finite numbers")
 
 
 def _finite_time(t: float) -> float:
@@ -196,7 +196,7 @@ class States(ShortRepr):
     slip: Array
 
     @classmethod
-    def of(
+    def stack(
         cls, states: Sequence[State], table: CoordinateTable, n_strings: int, n_rows: int
     ) -> States:
         """Several states of one puppet; those without an active set or slip get zeros.
@@ -211,22 +211,30 @@ class States(ShortRepr):
             StateError: a state is of another puppet, or its slip is not a length >= 0 for each
                 string.
         """
-        for x in states:
-            check_size(x, table, n_rows)
-        if any(x.t != states[0].t for x in states):
+        for state in states:
+            check_size(state, table, n_rows)
+        if any(state.t != states[0].t for state in states):
             raise ValueError("the states of a batch must have one time: x.replace(t=...)")
-        no_slip, slips = np.zeros(n_strings), [x.slip for x in states]
-        wrong = [x for x in slips if x.shape not in ((0,), (n_strings,))]
-        slip = np.array([no_slip if x.shape == (0,) else x for x in slips if not wrong])
-        if wrong or not np.all(np.isfinite(slip) & (slip >= 0)):
-            bad = wrong[0] if wrong else slip[~np.all(np.isfinite(slip) & (slip >= 0), axis=1)][0]
-            raise StateError(
-                f"slip: found {bad.tolist()}; needed: a length >= 0 for each of the {n_strings} "
-                "strings, or nothing"
+        no_slip, slips = np.zeros(n_strings), [state.slip for state in states]
+        wrong_slips = [state for state in slips if state.shape not in ((0,), (n_strings,))]
+        slip = np.array(
+            [no_slip if state.shape == (0,) else state for state in slips if not wrong_slips]
+        )
+        if wrong_slips or not np.all(np.isfinite(slip) & (slip >= 0)):
+            wrong_slip = (
+                wrong_slips[0]
+                if wrong_slips
+                else slip[~np.all(np.isfinite(slip) & (slip >= 0), axis=1)][0]
             )
-        q_D, v_D, q_K, v_K = (np.array([getattr(x, n) for x in states]) for n in _MOTION)
+            raise StateError(
+                f"slip: found {wrong_slip.tolist()}; needed: a length >= 0 for each of the "
+                f"{n_strings} strings, or nothing"
+            )
+        q_D, v_D, q_K, v_K = (
+            np.array([getattr(state, n) for state in states]) for n in _MOTION_FIELDS
+        )
         unknown = np.zeros(n_rows, dtype=bool)
-        taut = np.array([x.taut if len(x.taut) else unknown for x in states])
+        taut = np.array([state.taut if len(state.taut) else unknown for state in states])
         return cls(states[0].t, q_D, v_D, q_K, v_K, taut, slip.reshape(len(states), n_strings))
 
     def __len__(self) -> int:
@@ -234,12 +242,12 @@ class States(ShortRepr):
 
     def repeated(self, n: int) -> States:
         """A single state, repeated n times."""
-        parts = {name: getattr(self, name) for name in (*_MOTION, "taut", "slip")}
+        parts = {name: getattr(self, name) for name in (*_MOTION_FIELDS, "taut", "slip")}
         return States(self.t, **{k: np.repeat(x, n, axis=0) for k, x in parts.items()})
 
     def subset(self, lanes: slice) -> States:
         """The states of a slice."""
-        parts = {name: getattr(self, name)[lanes] for name in (*_MOTION, "taut", "slip")}
+        parts = {name: getattr(self, name)[lanes] for name in (*_MOTION_FIELDS, "taut", "slip")}
         return States(self.t, **parts)
 
 
@@ -248,19 +256,19 @@ def check_size(x: State, table: CoordinateTable, n_rows: int) -> None:
     if not isinstance(x, State):
         raise StateError(f"found {x!r}; needed: a state, such as marionette.rest()")
     if x.coordinates is not None and x.coordinates is not table:
-        theirs, own = ((t.q_D, t.q_K) for t in (x.coordinates, table))
-        if theirs != own:
+        given, own = ((t.q_D, t.q_K) for t in (x.coordinates, table))
+        if given != own:
             raise StateError(
                 "the state is of another puppet: its coordinates are "
-                f"{_listed((*theirs[0], *theirs[1]))}, this puppet's {_listed((*own[0], *own[1]))}"
+                f"{_listed((*given[0], *given[1]))}, this puppet's {_listed((*own[0], *own[1]))}"
             )
-    lengths = tuple(len(getattr(x, name)) for name in _MOTION)
+    lengths = tuple(len(getattr(x, name)) for name in _MOTION_FIELDS)
     sizes = table.n_qD, table.n_vD, table.n_qK, table.n_vK
-    for name, has, needed in zip(_MOTION, lengths, sizes, strict=True):
-        if has != needed:
+    for name, n, n_needed in zip(_MOTION_FIELDS, lengths, sizes, strict=True):
+        if n != n_needed:
             raise StateError(
-                f"the state is of another puppet: its {name} has {has} numbers, this puppet's "
-                f"{needed}"
+                f"the state is of another puppet: its {name} has {n} numbers, this puppet's "
+                f"{n_needed}"
             )
     if len(x.taut) not in (0, n_rows):
         raise StateError(

@@ -80,10 +80,10 @@ class Trajectories:
         return len(self.status)
 
     def __repr__(self) -> str:
-        ended = ", ".join(f"{n} {status.name}" for status, n in self.counts().items())
+        endings = ", ".join(f"{n} {status.name}" for status, n in self.counts().items())
         return (
             f"<Trajectories {self.puppet.name if self.puppet else ''}: {len(self)} runs from "
-            f"{self.t[0]:g} to {self.t[-1]:g} s, {len(self.t)} samples, {self.method}, {ended}>"
+            f"{self.t[0]:g} to {self.t[-1]:g} s, {len(self.t)} samples, {self.method}, {endings}>"
         )
 
     def __iter__(self) -> Iterator[Trajectory]:
@@ -116,15 +116,15 @@ class Trajectories:
         if not np.isfinite(self.reached[i]):
             raise ValueError(f"run {i} did not begin")
         samples = slice(0, max(1, int(np.searchsorted(self.t, self.reached[i], side="right"))))
-        own: dict[str, Any] = {name: getattr(self, name)[i, samples] for name in MOTION}
-        own |= {name: self._columns(name, i, samples) for name in TABLES}
+        fields: dict[str, Any] = {name: getattr(self, name)[i, samples] for name in MOTION}
+        fields |= {name: self._columns(name, i, samples) for name in TABLES}
         if self.contact_residual is not None:
-            own[RESIDUAL] = self.contact_residual[i, samples]
+            fields[RESIDUAL] = self.contact_residual[i, samples]
         if self.undetermined is not None:
-            own[UNDETERMINED] = self._columns(UNDETERMINED, i, samples)
+            fields[UNDETERMINED] = self._columns(UNDETERMINED, i, samples)
         return Trajectory(
             t=self.t[samples],
-            **own,
+            **fields,
             events=(),
             events_recorded=False,
             status=Status(int(self.status[i])),
@@ -138,8 +138,8 @@ class Trajectories:
         """The puppet with the parameters of run i."""
         if self.puppet is None or self.parameters is None:
             return self.puppet
-        own = {name: float(self.parameters[name][i]) for name in self.parameters}
-        return self.puppet.with_values(own) if own else self.puppet
+        values = {name: float(self.parameters[name][i]) for name in self.parameters}
+        return self.puppet.with_values(values) if values else self.puppet
 
     def _columns(self, name: str, i: int, samples: slice) -> Columns:
         table: Columns = getattr(self, name)

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 LEDGER = ("kinetic", "potential", "damping", "impact", "slip", "friction", "work", "residual")
 """Entries of the energy ledger [J], in order."""
 
-_MOTION = ("q_D", "v_D", "acc_D", "q_K", "v_K", "acc_K")
+_MOTION_FIELDS = ("q_D", "v_D", "acc_D", "q_K", "v_K", "acc_K")
 _MAX_TIME_OUTSIDE = 1e-9
 """Largest time before or after the run that counts as its start or end [s]: rounding."""
 
@@ -120,7 +120,7 @@ class Trajectory:
     def __post_init__(self) -> None:
         table, n = self.coordinates, len(self.t)
         widths = (table.n_qD, table.n_vD, table.n_vD, table.n_qK, table.n_vK, table.n_vK)
-        for name, width in zip(("t", *_MOTION), (None, *widths), strict=True):
+        for name, width in zip(("t", *_MOTION_FIELDS), (None, *widths), strict=True):
             value = read_only(getattr(self, name))
             shape = (n,) if width is None else (n, width)
             if value.shape != shape:
@@ -218,17 +218,20 @@ class Trajectory:
             StateError: a time is outside of the run.
             ValueError: the end is not after the start.
         """
-        ends = self._clipped_times(floats([start, end]))
-        if not ends[0] < ends[1]:
+        interval = self._clipped_times(floats([start, end]))
+        if not interval[0] < interval[1]:
             raise ValueError(f"found {start:g} s to {end:g} s; the end must be after the start")
-        inner = np.arange(
-            np.searchsorted(self.t, ends[0], "right"), np.searchsorted(self.t, ends[1], "left")
+        inside = np.arange(
+            np.searchsorted(self.t, interval[0], "right"),
+            np.searchsorted(self.t, interval[1], "left"),
         )
-        first = interpolate.bracket(self.t, ends[:1], "right")
-        last = interpolate.bracket(self.t, ends[1:], "left")
-        exact = inner, inner, np.zeros(len(inner))
-        left, right, s = (np.concatenate(parts) for parts in zip(first, exact, last, strict=True))
-        times = np.concatenate([ends[:1], self.t[inner], ends[1:]])
+        at_start = interpolate.bracket(self.t, interval[:1], "right")
+        at_end = interpolate.bracket(self.t, interval[1:], "left")
+        at_samples = inside, inside, np.zeros(len(inside))
+        left, right, s = (
+            np.concatenate(parts) for parts in zip(at_start, at_samples, at_end, strict=True)
+        )
+        times = np.concatenate([interval[:1], self.t[inside], interval[1:]])
         return self._interpolated(times, left, right, s)
 
     def _interpolated(self, times: Times, left: Indices, right: Indices, s: Array) -> Trajectory:
@@ -242,18 +245,18 @@ class Trajectory:
         for kind, (scalars, quaternions) in spaces.items():
             q, v, acc = names = tuple(f"{part}_{kind}" for part in ("q", "v", "acc"))
             samples = getattr(self, q), getattr(self, v), getattr(self, acc)
-            moved = interpolate.motion(self.t, samples, scalars, quaternions, left, right, s)
-            changes.update(zip(names, moved, strict=True))
+            motion = interpolate.motion(self.t, samples, scalars, quaternions, left, right, s)
+            changes.update(zip(names, motion, strict=True))
         for name, columns in self._tables().items():
             if columns.values.dtype == bool:
                 changes[name] = columns.like(columns.values[np.where(s < 1, left, right)])
             else:
                 changes[name] = columns.like(interpolate.linear(columns.values, left, right, s))
-        nearest = np.where(s < 1, left, right)
+        samples_at = np.where(s < 1, left, right)
         if self.contact is not None:
-            changes["contact"] = self.contact.resampled(nearest)
+            changes["contact"] = self.contact.resampled(samples_at)
         if self.contact_residual is not None:
-            changes["contact_residual"] = self.contact_residual[nearest]
+            changes["contact_residual"] = self.contact_residual[samples_at]
         events = tuple(e for e in self.events if times[0] <= e.t <= times[-1])
         return dataclasses.replace(self, t=times, events=events, **changes)
 
@@ -298,7 +301,7 @@ class Trajectory:
             ("acc", table.v_K, self.acc_K),
         ):
             columns.update((f"{prefix}:{n}", x) for n, x in zip(names, values.T, strict=True))
-        for prefix, named in (
+        for prefix, table_columns in (
             ("tension", self.tension),
             ("taut", self.taut),
             ("force", self.limit_force),
@@ -309,8 +312,8 @@ class Trajectory:
             ("undetermined", self.undetermined),
             ("energy", self.ledger),
         ):
-            if named is not None:
-                columns.update((f"{prefix}:{name}", x) for name, x in named.items())
+            if table_columns is not None:
+                columns.update((f"{prefix}:{name}", x) for name, x in table_columns.items())
         if self.contact_residual is not None:
             columns["contact_residual"] = self.contact_residual
         return columns
@@ -368,13 +371,15 @@ class Trajectory:
         recorded = self.events_recorded
         strings = {}
         for name, values in self.tension.items():
-            caught = [e.impulse for e in self.events if e.name == name and e.kind == "catch"]
+            catch_impulses = [
+                e.impulse for e in self.events if e.name == name and e.kind == "catch"
+            ]
             strings[name] = {
                 "min": float(np.min(values)),
                 "max": float(np.max(values)),
                 "slack": float(np.sum(h[~self.taut.flags(name)])),
-                "catches": len(caught) if recorded else None,
-                "impulse": max(caught, default=0.0) if recorded else None,
+                "catches": len(catch_impulses) if recorded else None,
+                "impulse": max(catch_impulses, default=0.0) if recorded else None,
             }
             if self.undetermined is not None:
                 seconds = float(np.sum(h[self.undetermined.flags(name)]))
@@ -417,9 +422,9 @@ class Trajectory:
 
     def _clipped_times(self, times: Times) -> Times:
         first, last = self.t[0], self.t[-1]
-        wrong = ~((times >= first - _MAX_TIME_OUTSIDE) & (times <= last + _MAX_TIME_OUTSIDE))
-        if np.any(wrong):
+        is_outside = ~((times >= first - _MAX_TIME_OUTSIDE) & (times <= last + _MAX_TIME_OUTSIDE))
+        if np.any(is_outside):
             raise StateError(
-                f"t = {times[wrong][0]:g} s is outside of the run, {first:g} s to {last:g} s"
+                f"t = {times[is_outside][0]:g} s is outside of the run, {first:g} s to {last:g} s"
             )
         return np.clip(times, first, last)

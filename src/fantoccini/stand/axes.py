@@ -17,7 +17,7 @@ from functools import cached_property
 
 import numpy as np
 
-from fantoccini.base import Array, ShortRepr, Times, interpolate, nearest
+from fantoccini.base import Array, ShortRepr, Times, did_you_mean, interpolate
 from fantoccini.model.tree import CoordinateTable
 from fantoccini.motion import Input, Trajectory
 from fantoccini.stand.axis_rank import factor_matrix, joined_names
@@ -185,7 +185,7 @@ class AxisMap(ShortRepr):
         for i, name in enumerate(stand.elsewhere):
             if name not in coordinates.q_K:
                 mistakes.append((("elsewhere", i), _not_driven(name, coordinates, indices)))
-        stand.refuse(mistakes)
+        stand.raise_if_any(mistakes)
         names, J = factor_matrix({name: axis.moves for name, axis in stand.axes.items()})
         held = [name for name in coordinates.q_K if name not in {*names, *stand.elsewhere}]
         return cls(
@@ -213,7 +213,7 @@ class AxisMap(ShortRepr):
         """
         q, v, acc = q_K[:, self.q] - self.zero, v_K[:, self.v], acc_K[:, self.v]
         mistakes = [*self._held_mistakes(t, q_K), *self._coupling_mistakes(t, q)]
-        self.stand.refuse(mistakes)
+        self.stand.raise_if_any(mistakes)
         p, pdot, pddot = (x @ self.inverse.T for x in (q, v, acc))
         return AxisMotion(self.axes, t, p, pdot, pddot)
 
@@ -232,7 +232,7 @@ class AxisMap(ShortRepr):
 
     def check_held(self, t: Times, q_K: Array) -> None:
         """Raises a FileError if a motion (T, n_qK) moves a coordinate that no axis moves."""
-        self.stand.refuse(self._held_mistakes(t, q_K))
+        self.stand.raise_if_any(self._held_mistakes(t, q_K))
 
     def coordinates_of(self, position: Array) -> Array:
         """(..., m) driven coordinates [m or rad] at axis positions (..., n)."""
@@ -311,4 +311,4 @@ def _not_driven(
         name in coordinates.q_K or name in coordinates.v_K or name in coordinates.rotations
     ):
         return f"{name} is part of an orientation, which no axis moves; hold it still"
-    return f"{name} is not a driven coordinate{nearest(name, indices)}"
+    return f"{name} is not a driven coordinate{did_you_mean(name, indices)}"

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema
 
-from fantoccini.base.documents import Model, Name, Size, mistake, shown
+from fantoccini.base.documents import Model, Name, Size, shown, validation_error
 
 MAX_FRAME_RATE = 44.0
 """Largest frame rate of DMX [1/s]."""
@@ -19,14 +19,14 @@ LETTERS = {"grbl": "XYZABC", "fluidnc": "XYZABC", "marlin": "XYZABCUVW"}
 
 def _axis_name(value: Any) -> Any:
     if isinstance(value, bool) or not isinstance(value, str | int):
-        raise mistake(f"found {shown(value)}; needed: a text or a whole number")
+        raise validation_error(f"found {shown(value)}; needed: a text or a whole number")
     text = str(value)
     if (
         not text.isprintable()
         or not 0 < len(text) <= MAX_NAME_LENGTH
         or any(c.isspace() for c in text)
     ):
-        raise mistake(
+        raise validation_error(
             f"found {shown(value)}; needed: up to {MAX_NAME_LENGTH} characters without blanks"
         )
     return value
@@ -39,7 +39,9 @@ AxisName = Annotated[
 
 def _check_frame_rate(rate: float) -> float:
     if rate > MAX_FRAME_RATE:
-        raise mistake(f"found {rate:g}; DMX allows at most {MAX_FRAME_RATE:g} frames per second")
+        raise validation_error(
+            f"found {rate:g}; DMX allows at most {MAX_FRAME_RATE:g} frames per second"
+        )
     return rate
 
 

@@ -337,7 +337,7 @@ def _klipper_gcode(points: SetPoints) -> str:
         for axis, name in zip(points.axes, names, strict=True)
         if not _KLIPPER_NAME.fullmatch(name)
     ]
-    points.map.stand.refuse([*mistakes])
+    points.map.stand.raise_if_any([*mistakes])
     scale, motion = gcode_units(points.axes), points.motion
     lines = _title(points)
     start = points.home_position() if points.home else motion.position[0]

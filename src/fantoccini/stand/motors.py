@@ -14,7 +14,7 @@ import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema
 
 from fantoccini.base import Array
-from fantoccini.base.documents import Model, NotNegative, Size, mistake, read_real, shown
+from fantoccini.base.documents import Model, NotNegative, Size, read_real, shown, validation_error
 from fantoccini.model.puppet import Count
 
 RAD_PER_TURN = 2.0 * math.pi
@@ -31,25 +31,29 @@ def _torque_curve(value: Any) -> Any:
     if not isinstance(value, list | tuple):
         number = read_real(value)
         if number <= 0.0:
-            raise mistake(f"found {number:g}; needed: a positive number")
+            raise validation_error(f"found {number:g}; needed: a positive number")
         return ((0.0, number),)
     if len(value) < 2:
-        raise mistake(f"found {len(value)} points; needed: a torque, or two points or more")
+        raise validation_error(
+            f"found {len(value)} points; needed: a torque, or two points or more"
+        )
     points = []
     for point in value:
         if not isinstance(point, list | tuple) or len(point) != 2:
-            raise mistake(f"found {shown(point)}; needed: points [turns per second, N m]")
+            raise validation_error(f"found {shown(point)}; needed: points [turns per second, N m]")
         points.append((read_real(point[0]), read_real(point[1])))
     if points[0][0] != 0.0:
-        raise mistake(f"the first point is at {points[0][0]:g} turns/s; needed: one at 0")
+        raise validation_error(f"the first point is at {points[0][0]:g} turns/s; needed: one at 0")
     for (slow, _), (fast, _) in pairwise(points):
         if not slow < fast:
-            raise mistake(f"found {fast:g} turns/s after {slow:g}; needed: speeds that increase")
+            raise validation_error(
+                f"found {fast:g} turns/s after {slow:g}; needed: speeds that increase"
+            )
     for speed, torque in points:
         if torque < 0.0:
-            raise mistake(f"found {torque:g} N m at {speed:g} turns/s; needed: at least 0")
+            raise validation_error(f"found {torque:g} N m at {speed:g} turns/s; needed: at least 0")
     if points[0][1] <= 0.0:
-        raise mistake("found no torque at rest; needed: a positive one")
+        raise validation_error("found no torque at rest; needed: a positive one")
     return tuple(points)
 
 
@@ -152,7 +156,7 @@ class Drum(Model):
     def model_post_init(self, context: Any, /) -> None:
         """Raises unless exactly one of radius and diameter is given."""
         if (self.radius is None) == (self.diameter is None):
-            raise mistake("needed: either radius or diameter")
+            raise validation_error("needed: either radius or diameter")
 
     @property
     def travel_per_turn(self) -> float:
@@ -217,7 +221,7 @@ Transmission = Annotated[Drum | Belt | Screw | Shaft, Field(discriminator="type"
 
 def _efficiency(value: float) -> float:
     if not 0.0 < value <= 1.0:
-        raise mistake(f"found {value:g}; needed: a number above 0, up to 1")
+        raise validation_error(f"found {value:g}; needed: a number above 0, up to 1")
     return value
 
 

@@ -159,7 +159,7 @@ def osc_addresses(stand: Stand, controller: Osc) -> tuple[str, ...]:
             text = f"found {address!r} twice; needed: an address of its own"
             mistakes.append((("controller", "names", axis), text))
         addresses.append(address)
-    stand.refuse([*mistakes])
+    stand.raise_if_any([*mistakes])
     return tuple(addresses)
 
 
@@ -185,7 +185,7 @@ def dmx_channels(stand: Stand, controller: ArtNet) -> tuple[int, ...]:
             used_channels |= set(range(int(name), int(name) + channels_per_axis))
             continue
         mistakes.append((("controller", "names", axis), text))
-    stand.refuse([*mistakes])
+    stand.raise_if_any([*mistakes])
     channel = 1
     for axis in stand.axes:
         if axis in first_channels:

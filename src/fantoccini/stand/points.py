@@ -17,7 +17,7 @@ from fantoccini.base import (
     Mistake,
     StandError,
     Times,
-    nearest,
+    did_you_mean,
     polynomial,
 )
 from fantoccini.dynamics.marionette import Marionette
@@ -272,7 +272,7 @@ def _check_sequences(stand: Stand, points: SetPoints) -> None:
     without_home = [axis.name for axis in points.axes if axis.file.home is None]
     if (points.home or points.park) and without_home:
         text = f"this key is missing; homing and parking need it for every axis ({without_home[0]})"
-        stand.refuse([(("axes", without_home[0], "home"), text)])
+        stand.raise_if_any([(("axes", without_home[0], "home"), text)])
     for target in points.targets_before():
         for k, axis in enumerate(points.axes):
             low, high = axis.travel
@@ -293,13 +293,13 @@ def with_controller(stand: Stand, kind: str | None = None) -> Stand:
     controllers = [part.controller for part in stand.parts.values()]
     if kind is None and controllers == [None]:
         text = "this key is missing: it names the controller; or give --controller"
-        stand.refuse([(("controller",), text)])
+        stand.raise_if_any([(("controller",), text)])
     if kind is None or all(
         controller is not None and controller.type == kind for controller in controllers
     ):
         return stand
     if kind not in CONTROLLER_TYPES:
-        text = f"found {kind!r}{nearest(kind, CONTROLLER_TYPES)}"
+        text = f"found {kind!r}{did_you_mean(kind, CONTROLLER_TYPES)}"
         raise FileError([Mistake("--controller", None, "", text)])
     if reason := too_many_axes(kind, len(stand.axes)):
         raise StandError(reason)

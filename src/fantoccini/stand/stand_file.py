@@ -17,7 +17,7 @@ from pydantic import (
     model_validator,
 )
 
-from fantoccini.base import nearest
+from fantoccini.base import did_you_mean
 from fantoccini.base.documents import (
     SIZED,
     Angle,
@@ -31,13 +31,13 @@ from fantoccini.base.documents import (
     Size,
     document_schema,
     has_key,
-    mistake,
     parse_document,
+    raise_if_any,
     read_document,
-    refuse,
     shown,
     sized,
     unknown_names,
+    validation_error,
 )
 from fantoccini.model.puppet import QUANTITIES, named_file
 from fantoccini.stand.axis_rank import undetermined_axis
@@ -64,26 +64,28 @@ MAX_LIKE_CHAIN = 64
 
 def _require_nonzero(value: float) -> float:
     if value == 0.0 or not 1e-6 <= abs(value) <= QUANTITIES["ratio"].max_size:
-        raise mistake(f"found {value:g}; needed: a factor that is not 0")
+        raise validation_error(f"found {value:g}; needed: a factor that is not 0")
     return value
 
 
 def _require_ordered(bounds: tuple[float, float]) -> tuple[float, float]:
     low, high = bounds
     if not low < high:
-        raise mistake(f"found [{low:g}, {high:g}]; needed: the lower one first")
+        raise validation_error(f"found [{low:g}, {high:g}]; needed: the lower one first")
     return bounds
 
 
 def _require_nonempty(moves: dict[str, float]) -> dict[str, float]:
     if not moves:
-        raise mistake("found nothing; needed: a driven coordinate with its factor, or several")
+        raise validation_error(
+            "found nothing; needed: a driven coordinate with its factor, or several"
+        )
     return moves
 
 
 def _require_name(value: Any) -> Any:
     if not isinstance(value, str) or not 0 < len(value) <= 200 or not value.isprintable():
-        raise mistake(f"found {shown(value)}; needed: the name of a driven coordinate")
+        raise validation_error(f"found {shown(value)}; needed: the name of a driven coordinate")
     return value
 
 
@@ -174,7 +176,7 @@ class Stand(Document):
         """Adds to every axis the keys that it inherits through `like`."""
         mistakes: list[Finding] = []
         complete = {name: _inherit(axes, name, mistakes) for name in axes}
-        refuse(mistakes)
+        raise_if_any(mistakes)
         for name, axis in complete.items():
             missing = [key for key in REQUIRED_KEYS if getattr(axis, key) is None]
             mistakes += [((name, key), "this key is missing") for key in missing]
@@ -187,7 +189,7 @@ class Stand(Document):
         dependent = undetermined_axis({name: axis.moves for name, axis in complete.items()})
         if dependent is not None:
             mistakes.append(((dependent[0], "moves"), dependent[1]))
-        refuse(mistakes)
+        raise_if_any(mistakes)
         return complete
 
     @model_validator(mode="after")
@@ -199,12 +201,12 @@ class Stand(Document):
             if name in coordinates:
                 text = f"an axis of this stand moves {shown(name)}"
                 mistakes.append((("elsewhere", i), text))
-        refuse([*mistakes, *_sharing_mistakes(self)])
+        raise_if_any([*mistakes, *_sharing_mistakes(self)])
         if self.controller is not None:
             mistakes += _controller_mistakes(self.controller, tuple(self.axes), ("controller",))
         for name, part in self.controllers.items():
             mistakes += _controller_mistakes(part, part.axes, ("controllers", name))
-        refuse(mistakes)
+        raise_if_any(mistakes)
         return self
 
     def __hash__(self) -> int:
@@ -261,7 +263,7 @@ def _inherit(axes: Mapping[str, AxisFile], name: str, mistakes: list[Finding]) -
         if like not in axes:
             other_axes = [key for key in axes if key != name]
             mistakes.append(
-                ((name, "like"), f"there is no axis {like!r}{nearest(like, other_axes)}")
+                ((name, "like"), f"there is no axis {like!r}{did_you_mean(like, other_axes)}")
             )
             break
         if like in visited or len(visited) > MAX_LIKE_CHAIN:
@@ -288,7 +290,7 @@ def _sharing_mistakes(stand: Stand) -> Iterator[Finding]:
         key_path = ("controllers", name)
         for i, axis in enumerate(part.axes):
             if axis not in stand.axes:
-                text = f"there is no axis {shown(axis)}{nearest(axis, stand.axes)}"
+                text = f"there is no axis {shown(axis)}{did_you_mean(axis, stand.axes)}"
                 yield (*key_path, "axes", i), text
             elif owners[axis] > 1:
                 yield (*key_path, "axes", i), f"found {axis!r} twice; needed: one controller for it"

@@ -11,7 +11,14 @@ from typing import NoReturn
 import typer
 
 from fantoccini.app.cli_support.terminal import escape_unprintable
-from fantoccini.base import FantocciniError, InputError, Mistake, OnProgress, PuppetError, nearest
+from fantoccini.base import (
+    FantocciniError,
+    InputError,
+    Mistake,
+    OnProgress,
+    PuppetError,
+    did_you_mean,
+)
 from fantoccini.dynamics.marionette import Marionette, StringModel, load
 from fantoccini.model.puppet import bundled_files
 from fantoccini.output.animation import SUFFIXES
@@ -61,7 +68,7 @@ def puppet_path(name: str) -> Path:
         if name in stand_names():
             message = f"found a bundled stand; needed: a puppet. `fantoccini stand check {name}`"
             raise PuppetError([Mistake(name, None, "", f"{message} is for stands")])
-        hint = nearest(name, names)
+        hint = did_you_mean(name, names)
         message = f"no such file, and no bundled puppet or scene with this name{hint}"
         raise PuppetError([Mistake(name, None, "", message)])
     return path
@@ -83,7 +90,7 @@ def inputs_path(path: Path) -> Path:
     names = bundled_files.performances()
     if name in names:
         return bundled_files.performance(name)
-    message = f"no such file, and no bundled performance with this name{nearest(name, names)}"
+    message = f"no such file, and no bundled performance with this name{did_you_mean(name, names)}"
     raise InputError([Mistake(name, None, "", message)])
 
 

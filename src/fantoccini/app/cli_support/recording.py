@@ -16,7 +16,7 @@ def load_recording(path: Path | None) -> Recording | None:
     if path is None or path.suffix.lower() != ".npz":
         return None
     try:
-        file_format = npz.about_of(npz.read(path, only="about"))["format"]
+        file_format = npz.about_of(npz.read(path, array_name="about"))["format"]
     except npz.UNREADABLE:
         return None
     return Recording.load(path) if file_format in RECORDING_FORMATS else None

@@ -204,6 +204,6 @@ def _recording_names(folder: Path) -> list[str]:
 
 def _file_format(path: Path) -> str:
     try:
-        return str(npz.about_of(npz.read(path, only=npz.ABOUT))["format"])
+        return str(npz.about_of(npz.read(path, array_name=npz.ABOUT))["format"])
     except npz.UNREADABLE:
         return ""

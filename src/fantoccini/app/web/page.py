@@ -204,7 +204,7 @@ def _check_no_problem(path: Path, problem: str | Path | None) -> None:
 def npz_format(path: Path) -> tuple[str, dict[str, Any]]:
     """Format and description in an npz file; empty if it has none."""
     try:
-        description = npz.about_of(npz.read(path, only=npz.ABOUT))
+        description = npz.about_of(npz.read(path, array_name=npz.ABOUT))
         return str(description["format"]), description
     except npz.UNREADABLE:
         return "", {}

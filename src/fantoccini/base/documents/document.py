@@ -17,17 +17,18 @@ The fields of the subclass are the keys of the file::
         @model_validator(mode="after")
         def _known(self) -> StandFile:
             known = {name for axis in self.axes.values() for name in axis.moves}
-            refuse(unknown_names(self.zero, known, "no axis moves {}", ("zero",)))
+            raise_if_any(unknown_names(self.zero, known, "no axis moves {}", ("zero",)))
             return self
 
     stand = read_document("stage.yaml", StandFile)  # or the name of a bundled stand
     stand = parse_document(text, StandFile)
     document_schema(StandFile)  # JSON Schema for editors
 
-A check of a value raises ``mistake(text)``; one of a part or of the whole file lists mistakes
-at keys below it with ``refuse``. An error lists every mistake as ``file:line: key.path: found,
-allowed, nearest name``. Checks that need more than the file (a compiled puppet, other files) come
-after it: :class:`Mistakes` runs them with ``document.located``, which has the lines and the folder.
+A check of a value raises ``validation_error(text)``; one of a part or of the whole file lists
+mistakes at keys below it with ``raise_if_any``. An error lists every mistake as ``file:line:
+key.path: found, allowed, nearest name``. Checks that need more than the file (a compiled puppet,
+other files) come after it: :class:`Mistakes` runs them with ``document.located``, which has the
+lines and the folder.
 '''
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ from typing import Any, ClassVar, NamedTuple, TypeVar
 from pydantic import GetCoreSchemaHandler, PrivateAttr, ValidationError
 from pydantic_core import core_schema
 
-from fantoccini.base import FileError, Mistake, nearest
+from fantoccini.base import FileError, Mistake, did_you_mean
 from fantoccini.base.documents.json_schema import described_schema
 from fantoccini.base.documents.located import (
     NO_WORDS,
@@ -55,8 +56,10 @@ from fantoccini.base.documents.values import Model
 
 DocumentT = TypeVar("DocumentT", bound="Document")
 
-_OWN_NAME = "scene gesture score play problem task mapping stand record"
-KEYS = {"bodies": "puppet", "coordinates": "inputs"} | {k: k for k in _OWN_NAME.split()}
+_KEYS_NAMED_AFTER_KIND = "scene gesture score play problem task mapping stand record"
+KEYS = {"bodies": "puppet", "coordinates": "inputs"} | {
+    k: k for k in _KEYS_NAMED_AFTER_KIND.split()
+}
 """Key at the top of a file that identifies its kind -> the kind."""
 
 
@@ -88,17 +91,17 @@ class Kind(NamedTuple):
         files = () if self.folder is None else self.folder.glob("*.yaml")
         return tuple(sorted(path.stem for path in files))
 
-    def missing(self, name: str, names: Collection[str], *others: str) -> FileError:
+    def missing(self, name: str, names: Collection[str], *other_kinds: str) -> FileError:
         """The error of a missing file, with the nearest of the bundled names as a hint.
 
         Args:
             name: name of the file.
             names: names of the bundled files of all possible kinds.
-            others: names of other possible kinds with bundled files.
+            other_kinds: names of other possible kinds with bundled files.
         """
-        kinds = " or ".join((self.name, *others))
+        kinds = " or ".join((self.name, *other_kinds))
         text = f"found nothing here; a {kinds} file is needed, or the name of a bundled {kinds}"
-        return self.error([Mistake(name, None, "", text + nearest(name, names))])
+        return self.error([Mistake(name, None, "", text + did_you_mean(name, names))])
 
 
 class Document(Model):
@@ -134,9 +137,9 @@ class Document(Model):
         """File, folder, and line of every key."""
         return self._located
 
-    def refuse(self, found: Iterable[Finding]) -> None:
+    def raise_if_any(self, findings: Iterable[Finding]) -> None:
         """Raises this kind of file's error if there are mistakes."""
-        if mistakes := tuple(found):
+        if mistakes := tuple(findings):
             raise self._located.error(mistakes, self.kind.error)
 
     def model_post_init(self, context: Any, /) -> None:
@@ -160,8 +163,8 @@ def read_document(path: str | os.PathLike[str], *kinds: type[DocumentT]) -> Docu
     if name in folders and not os.path.isfile(name):
         path = FilePath(folders[name] or "", f"{name}.yaml")
     elif kind.folder is not None and not os.path.exists(name):
-        others = [model.kind.name for model in kinds[1:] if model.kind.folder is not None]
-        raise kind.missing(name, folders, *others)
+        other_kinds = [model.kind.name for model in kinds[1:] if model.kind.folder is not None]
+        raise kind.missing(name, folders, *other_kinds)
     return _validated(read_file(path, kind.error), kinds)
 
 
@@ -195,8 +198,8 @@ def _validated(located: Located, kinds: tuple[type[DocumentT], ...]) -> Document
     data = located.data if isinstance(located.data, dict) else {}
     # The last kind wins: a scene with a stray `bodies` is a scene.
     model = next((model for model in reversed(kinds) if model.kind.key in data), None)
-    other = next((kind for key, kind in KEYS.items() if key in data), None)
-    if model is None and other is not None:
-        text = f"this is a {other} file; {kinds[0].kind.needs}"
+    other_kind = next((kind for key, kind in KEYS.items() if key in data), None)
+    if model is None and other_kind is not None:
+        text = f"this is a {other_kind} file; {kinds[0].kind.needs}"
         raise located.error([((), text)], kinds[0].kind.error)
     return (model or kinds[0]).model_validate(located.data, context=located)

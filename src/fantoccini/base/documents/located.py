@@ -18,7 +18,7 @@ from typing import Any, NamedTuple, TypeVar, get_args
 
 from pydantic import BaseModel, ValidationError
 
-from fantoccini.base import FileError, Mistake, StateError, nearest
+from fantoccini.base import FileError, Mistake, StateError, did_you_mean
 from fantoccini.base.documents.limits import LIMITS
 from fantoccini.base.documents.yaml_text import Path, Unreadable, read_text
 
@@ -74,12 +74,14 @@ class Located:
     def beside(self, name: str) -> FilePath | None:
         """A file in this one's folder or below it; None if it does not exist."""
         path = PurePosixPath(name)
-        plain = name.isprintable() and "\\" not in name and ":" not in name and len(name) < 256
-        if not plain or not path.parts or path.is_absolute() or ".." in path.parts:
+        is_plain_name = (
+            name.isprintable() and "\\" not in name and ":" not in name and len(name) < 256
+        )
+        if not is_plain_name or not path.parts or path.is_absolute() or ".." in path.parts:
             return None
         file = (self.folder / path).resolve()
-        inside = file.is_relative_to(self.folder.resolve()) and os.path.isfile(file)
-        return file if inside else None
+        is_inside = file.is_relative_to(self.folder.resolve()) and os.path.isfile(file)
+        return file if is_inside else None
 
     def required(self, name: str) -> FilePath:
         """A file in this one's folder or below it.
@@ -100,10 +102,10 @@ class Located:
         """All mistakes in file order, including those of reading."""
         mistakes = [*self.mistakes, *(self.problem(p, m) for p, m in findings)]
         mistakes = sorted(dict.fromkeys(mistakes), key=lambda p: p.line or 0)
-        more = len(mistakes) - LIMITS.max_mistakes
-        if more > 0:
-            rest = Mistake(self.file, None, "", f"and {more} more")
-            mistakes = [*mistakes[: LIMITS.max_mistakes], rest]
+        n_unlisted = len(mistakes) - LIMITS.max_mistakes
+        if n_unlisted > 0:
+            summary = Mistake(self.file, None, "", f"and {n_unlisted} more")
+            mistakes = [*mistakes[: LIMITS.max_mistakes], summary]
         return error(mistakes)
 
 
@@ -133,17 +135,23 @@ def read_file(path: str | os.PathLike[str], error: type[FileError] = FileError) 
     """
     name = os.fspath(path)
     try:
-        place = FilePath(name)
-        if not place.is_file():
-            kind = "a folder" if place.is_dir() else "nothing" if not place.exists() else "no file"
+        file_path = FilePath(name)
+        if not file_path.is_file():
+            kind = (
+                "a folder"
+                if file_path.is_dir()
+                else "nothing"
+                if not file_path.exists()
+                else "no file"
+            )
             raise error([Mistake(name, None, "", f"found {kind} here; a YAML file is needed")])
-        with place.open("rb") as stream:
-            raw = stream.read(LIMITS.max_file_bytes + 1)
-        folder = place.resolve().parent
+        with file_path.open("rb") as stream:
+            content = stream.read(LIMITS.max_file_bytes + 1)
+        folder = file_path.resolve().parent
     except (OSError, ValueError) as reason:
         text = getattr(reason, "strerror", None) or str(reason)
         raise error([Mistake(name, None, "", f"cannot be read: {text}")]) from None
-    return read_located(raw, name, folder, error)
+    return read_located(content, name, folder, error)
 
 
 def read_located(
@@ -158,26 +166,30 @@ def read_located(
         error: class of the error for an unreadable text.
     """
 
-    def fail(line: int | None, path: Path, message: str) -> FileError:
+    def file_error(line: int | None, path: Path, message: str) -> FileError:
         return error([Mistake(file, line, key_path(path), message)])
 
     if len(text) > LIMITS.max_file_bytes:
-        raise fail(None, (), f"larger than {LIMITS.max_file_bytes / 1e6:g} MB, which is the limit")
+        raise file_error(
+            None, (), f"larger than {LIMITS.max_file_bytes / 1e6:g} MB, which is the limit"
+        )
     if isinstance(text, bytes):
         try:
             text = text.decode("utf-8-sig")
         except UnicodeDecodeError as reason:
             line = reason.object.count(b"\n", 0, reason.start) + 1
             byte = reason.object[reason.start]
-            raise fail(line, (), f"found the byte 0x{byte:02x}; the file must be UTF-8") from None
+            raise file_error(
+                line, (), f"found the byte 0x{byte:02x}; the file must be UTF-8"
+            ) from None
     try:
-        read = read_text(text)
+        parsed = read_text(text)
     except Unreadable as reason:
-        raise fail(reason.line, reason.path, reason.message) from None
-    if read.data is None:
-        raise fail(1, (), "the file is empty")
-    mistakes = tuple(Mistake(file, line, key_path(p), m) for p, line, m in read.mistakes)
-    return Located(read.data, file, folder or FilePath.cwd(), read.lines, mistakes)
+        raise file_error(reason.line, reason.path, reason.message) from None
+    if parsed.data is None:
+        raise file_error(1, (), "the file is empty")
+    mistakes = tuple(Mistake(file, line, key_path(p), m) for p, line, m in parsed.mistakes)
+    return Located(parsed.data, file, folder or FilePath.cwd(), parsed.lines, mistakes)
 
 
 def has_key(path: str | os.PathLike[str], key: str) -> bool:
@@ -232,7 +244,7 @@ def findings(
             path = (*path, item["ctx"]["discriminator"].strip("'"))
         # Hints are slow, and only these mistakes are shown.
         hints = words if k < LIMITS.max_mistakes else None
-        located_messages.append((path, _sentence(model, item, leaf, hints)))
+        located_messages.append((path, _message_of(model, item, leaf, hints)))
     return located_messages
 
 
@@ -246,20 +258,20 @@ def mended(data: Any, error: ValidationError) -> Any | None:
     Returns:
         None if no mistake comes with a replacement.
     """
-    out = None
+    mended_data = None
     for item in error.errors(include_url=False):
-        instead = item.get("ctx", {}).get("instead")
+        allowed_value = item.get("ctx", {}).get("instead")
         path, _ = data_path(data, item["loc"], item["type"])
-        if instead is None or not path:
+        if allowed_value is None or not path:
             continue
-        out = copy.deepcopy(data) if out is None else out
-        holder = out
+        mended_data = copy.deepcopy(data) if mended_data is None else mended_data
+        container = mended_data
         for part in path[:-1]:
-            holder = holder[part]
-        if isinstance(holder[path[-1]], dict):
-            holder, path = holder[path[-1]], ("value",)
-        holder[path[-1]] = instead
-    return out
+            container = container[part]
+        if isinstance(container[path[-1]], dict):
+            container, path = container[path[-1]], ("value",)
+        container[path[-1]] = allowed_value
+    return mended_data
 
 
 def key_path(path: Path) -> str:
@@ -311,11 +323,11 @@ def data_path(data: Any, loc: tuple[str | int, ...], kind: str = "fantoccini") -
 
 def _is_key(data: Any, part: Any) -> bool:
     """Whether the last part of a location is a key that is absent, not a branch of a union."""
-    named = isinstance(part, str) and not part.startswith("<")
-    return named and isinstance(data, dict) and data.get("type") != part
+    is_name = isinstance(part, str) and not part.startswith("<")
+    return is_name and isinstance(data, dict) and data.get("type") != part
 
 
-_NEEDED = {
+_NEEDED_BY_TYPE = {
     "model_type": "a mapping of keys and values",
     "dict_type": "a mapping of keys and values",
     "tuple_type": "a list",
@@ -326,34 +338,34 @@ _NEEDED = {
 }
 
 
-def _sentence(model: type[BaseModel], item: Any, leaf: str, words: Words | None) -> str:
-    kind, input_text, facts = item["type"], shown(item["input"]), item.get("ctx", {})
+def _message_of(model: type[BaseModel], item: Any, leaf: str, words: Words | None) -> str:
+    kind, input_text, context = item["type"], shown(item["input"]), item.get("ctx", {})
     if kind == "fantoccini":
         return item["msg"]
     if kind == "extra_forbidden":
         if words is None:
             return "this key is not known"
         keys = allowed_keys(model, item["loc"][:-1])
-        return words.advice(leaf, keys) or f"this key is not known{nearest(leaf[:64], keys)}"
+        return words.advice(leaf, keys) or f"this key is not known{did_you_mean(leaf[:64], keys)}"
     if kind in ("missing", "union_tag_not_found"):
         return "this key is missing"
     if kind == "literal_error" or kind == "union_tag_invalid":
-        text = facts.get("expected") or facts["expected_tags"]
+        text = context.get("expected") or context["expected_tags"]
         names = re.findall(r"'([^']*)'", text)
-        wrong = item["input"] if kind == "literal_error" else facts["tag"]
-        hint = "" if words is None else _closest(wrong, names, words)
-        return f"found {shown(wrong)}; allowed: {', '.join(names)}{hint}"
-    if kind in _NEEDED or kind.endswith("_type"):
-        return f"found {input_text}; needed: {_NEEDED.get(kind, item['msg'])}"
+        value = item["input"] if kind == "literal_error" else context["tag"]
+        hint = "" if words is None else _synonym_hint(value, names, words)
+        return f"found {shown(value)}; allowed: {', '.join(names)}{hint}"
+    if kind in _NEEDED_BY_TYPE or kind.endswith("_type"):
+        return f"found {input_text}; needed: {_NEEDED_BY_TYPE.get(kind, item['msg'])}"
     return f"found {input_text}: {item['msg']}"
 
 
-def _closest(input_text: Any, names: list[str], words: Words) -> str:
-    if not isinstance(input_text, str):
+def _synonym_hint(value: Any, names: list[str], words: Words) -> str:
+    if not isinstance(value, str):
         return ""
-    if (own := words.own.get(input_text.lower().replace("_", "-"))) in names:
-        return f"; did you mean {own!r}?"
-    hint = nearest(input_text[:64], names)
+    if (synonym := words.own.get(value.lower().replace("_", "-"))) in names:
+        return f"; did you mean {synonym!r}?"
+    hint = did_you_mean(value[:64], names)
     return hint if "did you mean" in hint else ""
 
 

@@ -17,7 +17,7 @@ class Mistakes:
 
     Attributes:
         located: the document, with the line of every path.
-        found: key path and message of each mistake.
+        findings: key path and message of each mistake.
 
     Args:
         located: the document.
@@ -26,7 +26,7 @@ class Mistakes:
 
     def __init__(self, located: Located, error: type[FileError] = FileError):
         self.located, self._error = located, error
-        self.found: list[Finding] = []
+        self.findings: list[Finding] = []
 
     @classmethod
     def of_inputs(cls) -> Mistakes:
@@ -34,18 +34,18 @@ class Mistakes:
         return cls(Located(file="inputs", folder=FilePath()), InputError)
 
     def __len__(self) -> int:
-        return len(self.found)
+        return len(self.findings)
 
     def add(self, path: Iterable[str | int], message: str) -> None:
         """Records a mistake."""
-        self.found.append((tuple(path), message))
+        self.findings.append((tuple(path), message))
 
     def __call__(self, path: tuple[str | int, ...], make: Callable[..., Checked]) -> Checked | None:
         """Result of ``make``; None if it raised, and the mistake is recorded at ``path``."""
         try:
             return make()
         except FileError as error:
-            self.found += [(path, str(mistake)) for mistake in error.mistakes]
+            self.findings += [(path, str(mistake)) for mistake in error.mistakes]
         except (FantocciniError, ValueError) as error:
             self.add(path, str(error))
         return None
@@ -57,11 +57,11 @@ class Mistakes:
             FileError: ``make`` raised, or an earlier check did; lists every mistake.
         """
         result = self(path, make)
-        self.refuse()
+        self.raise_if_any()
         assert result is not None
         return result
 
-    def refuse(self) -> None:
+    def raise_if_any(self) -> None:
         """Raises the error if there are mistakes."""
-        if self.found:
-            raise self.located.error(self.found, self._error)
+        if self.findings:
+            raise self.located.error(self.findings, self._error)

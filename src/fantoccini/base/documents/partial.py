@@ -46,18 +46,18 @@ def valid_parts(model: type[ModelT], data: Any, located: Located) -> ModelT:
 
 def _part(annotation: Any, value: Any, located: Located) -> Any:
     """The valid parts of an invalid value."""
-    forms = list(_forms(annotation))
+    alternatives = list(_alternatives(annotation))
     if isinstance(value, list | tuple):
-        items = [get_args(form)[0] for form in forms if get_origin(form) is tuple]
+        items = [get_args(form)[0] for form in alternatives if get_origin(form) is tuple]
         return tuple(_part(items[0], item, located) for item in value) if items else UNCLEAR
-    if isinstance(value, str) and any(f is str or get_origin(f) is Literal for f in forms):
+    if isinstance(value, str) and any(f is str or get_origin(f) is Literal for f in alternatives):
         return value
-    models = [f for f in forms if isinstance(f, type) and issubclass(f, BaseModel)]
+    models = [f for f in alternatives if isinstance(f, type) and issubclass(f, BaseModel)]
     if not isinstance(value, dict) or not models:
         return UNCLEAR
     tag = value.get("type")
-    tagged = [m for m in models if isinstance(tag, str) and tag in tags_of(m)]
-    model = tagged[0] if tagged else models[0]
+    tagged_models = [m for m in models if isinstance(tag, str) and tag in tags_of(m)]
+    model = tagged_models[0] if tagged_models else models[0]
     values: dict[str, Any] = {}
     for name, field in model.model_fields.items():
         key = field.alias if field.alias in value else name
@@ -85,13 +85,13 @@ def _adapter(model: type[BaseModel], name: str) -> TypeAdapter[Any]:
     return TypeAdapter(annotation)
 
 
-def _forms(annotation: Any) -> Iterator[Any]:
+def _alternatives(annotation: Any) -> Iterator[Any]:
     """The alternatives of a type."""
     origin = get_origin(annotation)
     if origin is Annotated:
-        yield from _forms(get_args(annotation)[0])
+        yield from _alternatives(get_args(annotation)[0])
     elif origin in (Union, types.UnionType):
         for form in get_args(annotation):
-            yield from _forms(form)
+            yield from _alternatives(form)
     else:
         yield annotation

@@ -4,26 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator
 
-from fantoccini.base import nearest
+from fantoccini.base import did_you_mean
 from fantoccini.base.documents.limits import LIMITS
 from fantoccini.base.documents.located import Finding, shown
 from fantoccini.base.documents.yaml_text import Path
 
 
 def unknown_names(
-    names: Iterable[str], known: Collection[str], what: str, at: Path = ()
+    names: Iterable[str], known: Collection[str], template: str, parent_path: Path = ()
 ) -> Iterator[Finding]:
     """Findings of names that are not known, each with the nearest known one.
 
     Args:
         names: keys of a mapping in the file.
         known: allowed names.
-        what: the message, with braces for the name: ``no axis moves {}``.
-        at: path of the mapping.
+        template: the message, with braces for the name: ``no axis moves {}``.
+        parent_path: path of the mapping.
     """
     for k, name in enumerate(name for name in names if name not in known):
-        has_hint = k < LIMITS.max_hints and len(known) <= LIMITS.max_hint_names
+        gets_hint = k < LIMITS.max_hints and len(known) <= LIMITS.max_hint_names
         yield (
-            (*at, name),
-            what.format(shown(name)) + (nearest(name[:64], known) if has_hint else ""),
+            (*parent_path, name),
+            template.format(shown(name)) + (did_you_mean(name[:64], known) if gets_hint else ""),
         )

@@ -12,12 +12,12 @@ from fantoccini.base.documents.values import (
     Positive,
     Real,
     Vector,
-    mistake,
     positive,
     read_length,
+    validation_error,
 )
 
-_MAX_SIZE = 1e6
+_MAX_MAGNITUDE = 1e6
 """Largest allowed magnitude [m, rad or s]."""
 
 
@@ -25,8 +25,10 @@ def _sized(value: Any) -> Any:
     """Refuses numbers that are too large."""
     numbers = value if isinstance(value, tuple) else (value,)
     for number in numbers:
-        if isinstance(number, float) and abs(number) > _MAX_SIZE:
-            raise mistake(f"found {number:g}; needed: a size of at most {_MAX_SIZE:g}")
+        if isinstance(number, float) and abs(number) > _MAX_MAGNITUDE:
+            raise validation_error(
+                f"found {number:g}; needed: a size of at most {_MAX_MAGNITUDE:g}"
+            )
     return value
 
 

@@ -45,7 +45,7 @@ class Model(BaseModel):
     )
 
 
-def mistake(message: str, instead: float | None = None) -> PydanticCustomError:
+def validation_error(message: str, instead: float | None = None) -> PydanticCustomError:
     """A validation error with a complete message.
 
     Args:
@@ -55,14 +55,15 @@ def mistake(message: str, instead: float | None = None) -> PydanticCustomError:
     return PydanticCustomError("fantoccini", "{text}", {"text": message, "instead": instead})
 
 
-def refuse(findings: Iterable[Finding]) -> None:
+def raise_if_any(findings: Iterable[Finding]) -> None:
     """Raises a validation error that lists mistakes; does nothing if there are none.
 
     Args:
         findings: paths, from the keys of the validated part on, and messages.
     """
     details = [
-        InitErrorDetails(type=mistake(text), loc=path, input=None) for path, text in findings
+        InitErrorDetails(type=validation_error(text), loc=path, input=None)
+        for path, text in findings
     ]
     if details:
         raise ValidationError.from_exception_data("", details)
@@ -78,13 +79,13 @@ def name_mistake(text: str) -> str:
 
 def _name(text: str) -> str:
     if not re.fullmatch(NAME, text, re.ASCII):
-        raise mistake(name_mistake(text))
+        raise validation_error(name_mistake(text))
     return text
 
 
 def _part_name(text: str) -> str:
     if not all(re.fullmatch(NAME, part, re.ASCII) for part in text.split(".", 1)):
-        raise mistake(name_mistake(text))
+        raise validation_error(name_mistake(text))
     return text
 
 
@@ -102,15 +103,17 @@ def owner_of(coordinate: str, members: Collection[str] = ()) -> str:
 def read_real(value: Any) -> float:
     """A finite number."""
     if isinstance(value, (dict, Parameter)):
-        raise mistake(f"found {shown(value)}; needed: a number (a parameter cannot stand here)")
+        raise validation_error(
+            f"found {shown(value)}; needed: a number (a parameter cannot stand here)"
+        )
     if not isinstance(value, AnyReal) or isinstance(value, (bool, np.bool_)):
-        raise mistake(f"found {shown(value)}; needed: a number")
+        raise validation_error(f"found {shown(value)}; needed: a number")
     try:
         number = float(value)
     except OverflowError:
         number = math.inf
     if not math.isfinite(number):
-        raise mistake(f"found {shown(number)}; needed: a finite number")
+        raise validation_error(f"found {shown(number)}; needed: a finite number")
     return number + 0.0  # -0.0 becomes 0.0, so that equal puppets read the same
 
 
@@ -127,7 +130,7 @@ def read_length(value: Any) -> float:
 def _quantity(value: Any, units: Units, needed: str) -> float:
     number = without_unit(value, units)
     if isinstance(number, str):
-        raise mistake(f"found {shown(value)}; needed: {needed}")
+        raise validation_error(f"found {shown(value)}; needed: {needed}")
     return read_real(number)
 
 
@@ -164,7 +167,7 @@ def number_kind(value: Any) -> str:
 def positive(number: float) -> float:
     """The number; refuses it unless it is greater than 0."""
     if number <= 0:
-        raise mistake(f"found {number:g}; needed: a positive number")
+        raise validation_error(f"found {number:g}; needed: a positive number")
     return number
 
 
@@ -177,7 +180,7 @@ Positive = Annotated[Real, AfterValidator(positive)]
 
 def _not_negative(number: float) -> float:
     if number < 0:
-        raise mistake(f"found {number:g}; needed: a number of at least 0")
+        raise validation_error(f"found {number:g}; needed: a number of at least 0")
     return number
 
 
@@ -186,7 +189,7 @@ NotNegative = Annotated[Real, AfterValidator(_not_negative)]
 
 def _share(number: float | Parameter) -> float | Parameter:
     if not 0 <= value_of(number) <= 1:
-        raise mistake(f"found {value_of(number):g}; needed: a number from 0 to 1")
+        raise validation_error(f"found {value_of(number):g}; needed: a number from 0 to 1")
     return number
 
 
@@ -201,22 +204,26 @@ def sized(*sizes: int) -> BeforeValidator:
         if isinstance(value, np.ndarray):
             value = value.tolist()
         if not isinstance(value, (list, tuple)) or len(value) not in sizes:
-            what = f"{len(value)} entries" if isinstance(value, (list, tuple)) else shown(value)
-            raise mistake(f"found {what}; needed: a list of {' or '.join(map(str, sizes))} numbers")
+            description = (
+                f"{len(value)} entries" if isinstance(value, (list, tuple)) else shown(value)
+            )
+            raise validation_error(
+                f"found {description}; needed: a list of {' or '.join(map(str, sizes))} numbers"
+            )
         return value
 
     return BeforeValidator(check)
 
 
-def entries(least: int, most: int | None = None) -> BeforeValidator:
+def entries(n_min: int, n_max: int | None = None) -> BeforeValidator:
     """Check for a list with this many entries, before any entry is checked."""
 
     def check(value: Any) -> Any:
         if isinstance(value, (list, tuple)) and not (
-            least <= len(value) <= (len(value) if most is None else most)
+            n_min <= len(value) <= (len(value) if n_max is None else n_max)
         ):
-            needed = f"{least}" if most == least else f"at least {least}"
-            raise mistake(f"found a list of {len(value)}; needed: {needed}")
+            needed = f"{n_min}" if n_max == n_min else f"at least {n_min}"
+            raise validation_error(f"found a list of {len(value)}; needed: {needed}")
         return value
 
     return BeforeValidator(check)
@@ -226,7 +233,7 @@ def unit(vector: tuple[float, ...]) -> tuple[float, ...]:
     """The vector divided by its length; a vector that already has length 1 keeps its digits."""
     largest = max(map(abs, vector))
     if largest == 0:
-        raise mistake("found a vector of zero length; its direction is needed")
+        raise validation_error("found a vector of zero length; its direction is needed")
     size = math.hypot(*vector)
     if abs(size - 1) < 1e-15:  # rounding
         return vector
@@ -243,7 +250,9 @@ Quaternion = Annotated[tuple[Real, Real, Real, Real], sized(4), AfterValidator(u
 
 def _axes(axes: tuple[str, ...]) -> tuple[str, ...]:
     if not axes or list(axes) != sorted(set(axes)):
-        raise mistake(f"found {shown(list(axes))}; needed: one or more of x, y, z in this order")
+        raise validation_error(
+            f"found {shown(list(axes))}; needed: one or more of x, y, z in this order"
+        )
     return axes
 
 
@@ -268,10 +277,12 @@ class Orientation(Model):
     """Roll, pitch, yaw: rotations about the fixed axes x, then y, then z."""
 
     @model_validator(mode="after")
-    def _one_way(self) -> Orientation:
-        ways = [self.quaternion, self.rpy, self.axis if self.angle is None else self.angle]
-        if sum(w is not None for w in ways) != 1 or (self.axis is None) != (self.angle is None):
-            raise mistake("needed: exactly one of quaternion, axis with angle, or rpy")
+    def _exactly_one(self) -> Orientation:
+        alternatives = [self.quaternion, self.rpy, self.axis if self.angle is None else self.angle]
+        if sum(form is not None for form in alternatives) != 1 or (self.axis is None) != (
+            self.angle is None
+        ):
+            raise validation_error("needed: exactly one of quaternion, axis with angle, or rpy")
         return self
 
     @property

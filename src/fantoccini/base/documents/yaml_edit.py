@@ -24,11 +24,11 @@ def with_numbers(text: str, numbers: Mapping[Path, float]) -> str:
     """
     from ruamel.yaml import YAML
 
-    top = YAML(typ="safe", pure=True).compose(text)
-    new = {path: f"{number:.7g}" for path, number in numbers.items()}
-    edits = {_edit(top, path, new, text) for path in new}
-    for start, end, written in sorted(edits, reverse=True):
-        text = text[:start] + written + text[end:]
+    root = YAML(typ="safe", pure=True).compose(text)
+    new_texts = {path: f"{number:.7g}" for path, number in numbers.items()}
+    edits = {_edit(root, path, new_texts, text) for path in new_texts}
+    for start, end, new_text in sorted(edits, reverse=True):
+        text = text[:start] + new_text + text[end:]
     return text
 
 
@@ -47,53 +47,55 @@ def with_section(text: str, key: str, section: str) -> str:
     """
     from ruamel.yaml import YAML
 
-    top = YAML(typ="safe", pure=True).compose(text)
-    if top.flow_style:
+    root = YAML(typ="safe", pure=True).compose(text)
+    if root.flow_style:
         raise StateError(f"the file is written in braces, so that {key} cannot be added to it")
-    for name, value in top.value:
+    for name, value in root.value:
         if name.value == key:
             start, end = name.start_mark.index, _end(name, value)
-            rest = text[end:].removeprefix(text[end:].partition("\n")[0] + "\n")
-            return text[:start] + section + rest
-    body, mark, ending = text, "", ""
+            tail = text[end:].removeprefix(text[end:].partition("\n")[0] + "\n")
+            return text[:start] + section + tail
+    body, end_marker, after_marker = text, "", ""
     if (end := text.rfind("\n...")) >= 0 and not text[end + 4 :].strip():
-        body, mark, ending = text[: end + 1], "...", text[end + 4 :]
+        body, end_marker, after_marker = text[: end + 1], "...", text[end + 4 :]
     gap = "" if body.endswith("\n") else "\n"
-    return f"{body}{gap}{section}{mark}{ending}"
+    return f"{body}{gap}{section}{end_marker}{after_marker}"
 
 
 def yaml_of(data: Any) -> str:
     """YAML text of plain data, also readable as YAML 1.1."""
     from ruamel.yaml import YAML
 
-    yaml, out = YAML(typ="safe", pure=True), io.StringIO()
-    yaml.default_flow_style, yaml.width = None, 10_000
-    yaml.dump(data, out)
-    return out.getvalue()
+    writer, stream = YAML(typ="safe", pure=True), io.StringIO()
+    writer.default_flow_style, writer.width = None, 10_000
+    writer.dump(data, stream)
+    return stream.getvalue()
 
 
-def _edit(node: Any, path: Path, new: Mapping[Path, str], text: str) -> tuple[int, int, str]:
+def _edit(node: Any, path: Path, new_texts: Mapping[Path, str], text: str) -> tuple[int, int, str]:
     """Start and end of the text that changes, and the new text."""
     for i, key in enumerate(path):
-        below = _below(node, key)
-        if below is None:
-            siblings = {other: x for other, x in new.items() if other[:-1] == path[:-1]}
-            inner = ", ".join(f"{other[-1]}: {x}" for other, x in siblings.items())
-            last = i == len(path) - 1
-            return _added(node, f"{key}: {new[path]}" if last else f"{key}: {{{inner}}}")
-        node = below
+        child = _child(node, key)
+        if child is None:
+            siblings = {other: x for other, x in new_texts.items() if other[:-1] == path[:-1]}
+            entries = ", ".join(f"{other[-1]}: {x}" for other, x in siblings.items())
+            is_last = i == len(path) - 1
+            return _entry_edit(
+                node, f"{key}: {new_texts[path]}" if is_last else f"{key}: {{{entries}}}"
+            )
+        node = child
     if isinstance(node.value, list):
-        node = _below(node, "value")
+        node = _child(node, "value")
     start, end = node.start_mark.index, node.end_mark.index
     try:
         float(text[start:end])
     except ValueError:
-        where = ".".join(map(str, path))
+        dotted_path = ".".join(map(str, path))
         raise StateError(
-            f"{where} in line {node.start_mark.line + 1} is written as {text[start:end]!r:.40}, "
-            "which other numbers share; write the number out"
+            f"{dotted_path} in line {node.start_mark.line + 1} is written as "
+            f"{text[start:end]!r:.40}, which other numbers share; write the number out"
         ) from None
-    return start, end, new[path]
+    return start, end, new_texts[path]
 
 
 def _end(*nodes: Any) -> int:
@@ -109,16 +111,16 @@ def _end(*nodes: Any) -> int:
     return max(ends)
 
 
-def _below(node: Any, key: str | int) -> Any | None:
+def _child(node: Any, key: str | int) -> Any | None:
     if isinstance(key, int):
         return node.value[key]
     return next((value for name, value in node.value if name.value == key), None)
 
 
-def _added(node: Any, entry: str) -> tuple[int, int, str]:
+def _entry_edit(node: Any, entry: str) -> tuple[int, int, str]:
     """A key that a mapping lacks, before its second key or its only one."""
     if not node.value:
         return node.start_mark.index + 1, node.start_mark.index + 1, entry
-    mark = node.value[min(1, len(node.value) - 1)][0].start_mark
-    gap = ", " if node.flow_style else "\n" + " " * node.value[0][0].start_mark.column
-    return mark.index, mark.index, entry + gap
+    position = node.value[min(1, len(node.value) - 1)][0].start_mark
+    separator = ", " if node.flow_style else "\n" + " " * node.value[0][0].start_mark.column
+    return position.index, position.index, entry + separator

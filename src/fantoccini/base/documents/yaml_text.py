@@ -174,9 +174,9 @@ class _Reader:
         path = (*top.path, key)
         top.key, top.skip = key, key in top.value
         if top.skip:
-            first = self.text.lines[path]
+            first_line = self.text.lines[path]
             self.text.mistakes.append(
-                (path, line, f"the key is given twice; the first is in line {first}")
+                (path, line, f"the key is given twice; the first is in line {first_line}")
             )
         elif key == "<<":
             top.skip = True

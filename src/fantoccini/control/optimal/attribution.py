@@ -69,7 +69,7 @@ def clearance_residual(clearances: ClearanceRows, run: Trajectory) -> Residual:
     if not len(clearances):
         return NO_RESIDUAL
     closest = clearances.clearance.least(run)
-    name = f"the clearance of {clearances.clearance.pair_at(closest.q_D, closest.q_K).what}"
+    name = f"the clearance of {clearances.clearance.pair_at(closest.q_D, closest.q_K).first}"
     size = clearances.margin - closest.distance
     return _residual(size, name, closest.t, closest.distance, clearances.margin, np.inf)
 

@@ -75,13 +75,13 @@ class ClampedSteps:
         x = (nodes.q_D[:-1], nodes.v_D[:-1], nodes.q_K[:-1], nodes.v_K[:-1])
         driven = np.eye(2 * k, 3 * k)[None]
         for j in range(m):
-            inputs = StepInputs.of(self._marionette, x, nodes.acc_K, dt=dt)
-            options = StepOptions(pull=with_tension and j == 0, threads=self._threads)
+            inputs = StepInputs.from_arrays(self._marionette, x, nodes.acc_K, dt=dt)
+            options = StepOptions(tension_partials=with_tension and j == 0, threads=self._threads)
             step = linearise_steps(self._marionette, inputs, options, self._memory)
             self._memory = step.motion
             self._stages.add_step(step.motion, driven, k, j == 0)
             if j == 0:
-                tension, pull = step.tension, step.pull
+                tension, pull = step.tension, step.tension_partials
             step_driven = step.driven
             driven = step_driven[..., : 2 * k] @ driven
             driven[..., 2 * k :] += step_driven[..., 2 * k :]
@@ -117,8 +117,8 @@ class ClampedSteps:
         C = np.zeros((N, len(tension_residuals), nodes.n_z + k))
         W = np.zeros((N, len(tension_residuals)))
         for i, (row, weights, r) in enumerate(tension_residuals):
-            assert interval_derivatives.pull is not None
-            derivatives = interval_derivatives.pull[:, row, : nodes.n_z + k]
+            assert interval_derivatives.tension_partials is not None
+            derivatives = interval_derivatives.tension_partials[:, row, : nodes.n_z + k]
             C[:, i], W[:, i] = derivatives, weights
             g[:, :k] += (weights * r)[:, None] * derivatives[:, nodes.n_z :]
             g[:-1, k:] += (weights * r)[1:, None] * derivatives[1:, : nodes.n_z]

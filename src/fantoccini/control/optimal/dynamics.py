@@ -140,18 +140,22 @@ class TimeSteps:
         for j in range(m):
             v_before = x[1]
             step = marionette.linearise_steps(
-                *x, nodes.acc_K, dt=dt, pull=self.with_tension and j == 0, threads=self.threads
+                *x,
+                nodes.acc_K,
+                dt=dt,
+                tension_partials=self.with_tension and j == 0,
+                threads=self.threads,
             )
             x = (step.q_D, step.v_D, step.q_K, step.v_K)
             settled &= step.settled
             step_by_D, step_by_K = step.motion[..., : 2 * n], step.motion[..., 2 * n : n_x]
             K = step.driven
             if j == 0:
-                tension, taut = step.tension, step.held
+                tension, taut = step.tension, step.active
                 pull = (
                     np.zeros((*tension.shape, step.motion.shape[2]))
-                    if step.pull is None
-                    else step.pull
+                    if step.tension_partials is None
+                    else step.tension_partials
                 )
                 X = step.motion[..., columns]
                 acc = step.motion[:, n : 2 * n].copy()

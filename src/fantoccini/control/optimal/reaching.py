@@ -11,7 +11,7 @@ import numpy as np
 from fantoccini.base import Array, StateError, UnknownNameError, check_positive
 from fantoccini.control.optimal.reached import ReachedPoses, ReachProblem
 from fantoccini.control.tasks import Bounds, Interval
-from fantoccini.dynamics.compiled import refuse_contact, relations
+from fantoccini.dynamics.compiled import moving_and_carrying, refuse_contact
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.kernel.runtime import MAX_TARGETS
 from fantoccini.motion import State
@@ -151,7 +151,7 @@ def _target_arrays(
         links.append(bodies.index(name) if is_body else -1)
         column_of_target.append(-1 if is_body else columns[name])
         points.append(point)
-        moving_mask[i] = relations(tree)[0][links[-1]] if is_body else False
+        moving_mask[i] = moving_and_carrying(tree)[0][links[-1]] if is_body else False
         if not is_body:
             moving_mask[i, columns[name]] = True
         places.append(_place_rows(name, place, is_body))

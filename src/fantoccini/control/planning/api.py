@@ -7,7 +7,7 @@ import inspect
 from collections.abc import Iterable, Mapping
 from typing import Any, Unpack
 
-from fantoccini.base import StateError, nearest
+from fantoccini.base import StateError, did_you_mean
 from fantoccini.control.planning.options import SearchKeywords, SearchOptions
 from fantoccini.control.planning.planners import Planner
 from fantoccini.control.planning.result import PlanResult
@@ -107,4 +107,4 @@ def solve(
 def _refuse_unknown(function: str, options: Iterable[str], allowed: Iterable[str]) -> None:
     for name in options:
         if name not in allowed:
-            raise TypeError(f"{function}() has no option {name!r}{nearest(name, allowed)}")
+            raise TypeError(f"{function}() has no option {name!r}{did_you_mean(name, allowed)}")

@@ -69,7 +69,7 @@ def load(path: str | Path, problem: Problem, planner: Planner | None = None) -> 
     """
     label = "a plan"
     arrays, metadata = npz.contents(path, FORMAT, label)
-    with npz.understanding(path, label):
+    with npz.unreadable_as(path, label):
         if metadata["fingerprint"] != problem.fingerprint:
             text = (
                 f"is a plan of {metadata['puppet']} for another problem: start, goal, obstacles, "

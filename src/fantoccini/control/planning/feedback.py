@@ -246,7 +246,7 @@ class Feedback(ShortRepr):
     def active_set(self, x: State) -> MaskRows:
         """(n_strings,) bool: strings marked taut in the state, or at their length and at rest."""
         marionette, n_strings = self.plan.problem.marionette, self.active_sets.shape[1]
-        active_set = ActiveSet.of(marionette, x, Evaluation.of(marionette, x))
+        active_set = ActiveSet.at_state(marionette, x, Evaluation.at_state(marionette, x))
         return (active_set.held | active_set.slipping)[:n_strings]
 
     def _velocities_within(self, x: State, duration: float) -> tuple[Array, Array]:

@@ -193,7 +193,7 @@ class Bounds:
                 )
         if not np.all(end.required):
             return
-        h = Evaluation.of(marionette, end.state).h
+        h = Evaluation.at_state(marionette, end.state).h
         violation = np.where(marionette.two_sided, np.abs(h), h)
         if np.max(violation, initial=0.0) > _MAX_ROW_VIOLATION:
             row = int(np.argmax(violation))

@@ -9,7 +9,14 @@ from typing import Any, Generic, TypeVar
 from pydantic import Field
 
 from fantoccini.base import OnProgress, StateError
-from fantoccini.base.documents import Document, Mistakes, Model, Value, mistake, read_document
+from fantoccini.base.documents import (
+    Document,
+    Mistakes,
+    Model,
+    Value,
+    read_document,
+    validation_error,
+)
 from fantoccini.dynamics.marionette import Marionette, load
 from fantoccini.model.puppet import named_file
 from fantoccini.motion import State
@@ -99,4 +106,4 @@ def check_one_of(part: Model, first: str, second: str) -> None:
     are_set = [getattr(part, key) is not None for key in (first, second)]
     if sum(are_set) != 1:
         text = f"both `{first}` and" if all(are_set) else f"neither `{first}` nor"
-        raise mistake(f"found {text} `{second}`; needed: one of them")
+        raise validation_error(f"found {text} `{second}`; needed: one of them")

@@ -23,7 +23,7 @@ from fantoccini.base.documents import (
     Sized,
     Value,
     entries,
-    mistake,
+    validation_error,
 )
 from fantoccini.control.tasks.bounds import Bounds, Magnitudes, resolve_driven
 from fantoccini.control.tasks.control_file import ControlFile, Reading, check_one_of
@@ -57,7 +57,7 @@ class PointGoal(Model):
     def _check_place(self) -> PointGoal:
         check_one_of(self, "place", "by")
         if self.by is not None and (self.to is not None or any(self.at)):
-            raise mistake("found `by` with `at` or `to`, which are for `place`")
+            raise validation_error("found `by` with `at` or `to`, which are for `place`")
         return self
 
 
@@ -176,7 +176,7 @@ def task_of_problem(reading: Reading[ProblemFile]) -> Task:
         )
     check(("reserve",), lambda: RolloutOptions(reserve=file.reserve))
     n_checks = check(("segment",), lambda: _n_checks(file.segment))
-    check.refuse()
+    check.raise_if_any()
     start = reading.start
     if file.goal.point is not None and file.goal.point.by is not None:
         goal = _goal(reading, start)

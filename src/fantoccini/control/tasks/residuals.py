@@ -13,7 +13,7 @@ from fantoccini.control.tasks.clip import Clip
 from fantoccini.control.tasks.costs import Track
 from fantoccini.control.tasks.nodes import Nodes
 from fantoccini.control.tasks.targets import values_at
-from fantoccini.dynamics.compiled import relations
+from fantoccini.dynamics.compiled import moving_and_carrying
 from fantoccini.dynamics.marionette import Marionette
 
 _TIME_ROUNDING = 1e-9
@@ -44,7 +44,7 @@ class NodeKinematics:
         """(N + 1, 6, n_z) derivative of a link's displacement twist about the world's origin."""
         table = self.marionette.coordinates
         n, k = table.n_vD, table.n_vK
-        is_moved = relations(self.marionette.tree)[0][link]
+        is_moved = moving_and_carrying(self.marionette.tree)[0][link]
         screws = (self._screws[1] * is_moved[:, None]).swapaxes(1, 2)
         twist = np.zeros((len(screws), 6, 2 * (n + k)))
         twist[:, :, :n], twist[:, :, 2 * n : 2 * n + k] = screws[..., :n], screws[..., n:]

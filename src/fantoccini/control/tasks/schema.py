@@ -21,10 +21,10 @@ from fantoccini.base.documents import (
     Size,
     Sized,
     Value,
-    mistake,
     read_real,
     shown,
     sized,
+    validation_error,
 )
 from fantoccini.control.tasks.control_file import ControlFile, check_one_of
 from fantoccini.control.tasks.costs import TRACK_KINDS
@@ -112,15 +112,15 @@ class TrackFile(Model):
             names = [key for key in keys if getattr(self, key) is not None]
             if len(names) != 1:
                 text = " and ".join(names) or "none"
-                raise mistake(f"{label}: found {text}; needed: one of {', '.join(keys)}")
+                raise validation_error(f"{label}: found {text}; needed: one of {', '.join(keys)}")
         if self.circle is not None and self.point is None:
-            raise mistake("found a circle; it is a path of a `point`")
+            raise validation_error("found a circle; it is a path of a `point`")
         if self.point is None and any(self.at):
-            raise mistake("found `at`, which is for `point`")
+            raise validation_error("found `at`, which is for `point`")
         if bool(self.times) != (self.values is not None):
-            raise mistake("found one of `times` and `values`; needed: both")
+            raise validation_error("found one of `times` and `values`; needed: both")
         if self.start is not None and self.end is not None and self.start >= self.end:
-            raise mistake(
+            raise validation_error(
                 f"found the start {self.start:g} and the end {self.end:g}; the start must be less"
             )
         return self
@@ -202,9 +202,11 @@ def _duration(value: Any) -> Any:
     """A positive number, or two of them in ascending order."""
     limits = [read_real(end) for end in (value if isinstance(value, (list, tuple)) else [value])]
     if len(limits) > 2 or not limits or min(limits) <= 0.0:
-        raise mistake(f"found {shown(value)}; needed: a positive number, or [shortest, longest]")
+        raise validation_error(
+            f"found {shown(value)}; needed: a positive number, or [shortest, longest]"
+        )
     if limits[0] > limits[-1]:
-        raise mistake(
+        raise validation_error(
             f"found {limits[0]:g} before {limits[1]:g}; the first is the shortest duration"
         )
     return limits[0] if len(limits) == 1 else tuple(limits)
@@ -264,5 +266,5 @@ class TaskFile(ControlFile):
     @model_validator(mode="after")
     def _check_end(self) -> TaskFile:
         if self.end is not None and self.periodic is not None:
-            raise mistake("found both `end` and `periodic`; needed: one of them at most")
+            raise validation_error("found both `end` and `periodic`; needed: one of them at most")
         return self

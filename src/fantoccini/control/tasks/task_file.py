@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from fantoccini.base import Array, StateError, nearest, rotation
+from fantoccini.base import Array, StateError, did_you_mean, rotation
 from fantoccini.base.documents import Located, Mistakes, rotation_vector_quaternion, shown
 from fantoccini.control.tasks.bounds import Bounds, Interval, Magnitudes
 from fantoccini.control.tasks.chosen_parameters import ChosenParameters
@@ -50,7 +50,7 @@ def task_of_file(reading: Reading[TaskFile]) -> Task:
     bounds = _bounds(reading)
     for i, track in enumerate(file.tracks):
         _check_name(track, marionette, ("tracks", i), check)
-    check.refuse()
+    check.raise_if_any()
     x0 = reading.start
     check(("bounds",), lambda: bounds.check_state(marionette, x0, "at the start"))
     for name, span in file.parameters.items():
@@ -61,7 +61,7 @@ def task_of_file(reading: Reading[TaskFile]) -> Task:
     track_reader = _TrackReader(reading, x0)
     tracks = [track_reader.track(track, ("tracks", i)) for i, track in enumerate(file.tracks)]
     touches = [track_reader.touch(touch, ("touches", i)) for i, touch in enumerate(file.touches)]
-    check.refuse()
+    check.raise_if_any()
     end = None
     if file.end is not None:
         goal = {**file.start, **file.end}
@@ -75,7 +75,7 @@ def task_of_file(reading: Reading[TaskFile]) -> Task:
                 marionette, x0, {key: displacement}
             ),
         )
-    check.refuse()
+    check.raise_if_any()
     if displacements := file.periodic:
         periodic_end = End.full_state(
             marionette.coordinates, displaced(marionette, x0, displacements)
@@ -86,7 +86,7 @@ def task_of_file(reading: Reading[TaskFile]) -> Task:
     guess = None
     if file.guess is not None:
         guess = check(("guess",), lambda: _guess(reading))
-    check.refuse()
+    check.raise_if_any()
     smooth = Smooth(file.smooth.acceleration, file.smooth.jerk)
     return check.need(
         (),
@@ -247,7 +247,7 @@ class _TrackReader:
                 known_names = ", ".join(columns)
                 raise StateError(f"{name} has no column {column}; found: {known_names}")
         if unknown := [column for column in columns if column not in required_columns]:
-            hint = nearest(unknown[0], required_columns)
+            hint = did_you_mean(unknown[0], required_columns)
             raise StateError(f"{name} has the column {shown(unknown[0])}{hint}")
         values = np.stack([columns[column] for column in required_columns[1:]], axis=1)
         if not np.all(np.isfinite(values)):

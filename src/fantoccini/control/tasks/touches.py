@@ -179,7 +179,7 @@ class TouchRules:
                 events.setdefault(frozenset(record.name.split("|")), record)
         if run.contact is None:
             return ()
-        last_contacts = run.contact.at(len(run) - 1)
+        last_contacts = run.contact.at_sample(len(run) - 1)
         for k in set(last_contacts.pair.tolist()):
             events.setdefault(frozenset(last_contacts.names[k]), None)
         touch_events = []
@@ -187,7 +187,7 @@ class TouchRules:
             first, second = (*names, *names)[:2]
             if not self._is_foreign(first, second):
                 continue
-            force = float(np.sum(last_contacts.of(first, second).normal_force))
+            force = float(np.sum(last_contacts.involving(first, second).normal_force))
             t = float(run.t[0]) if event is None else event.t
             speed = 0.0 if event is None else event.speed or self._speed(run, names, event.t)
             parts = (first, second) if first in self._bodies else (second, first)
@@ -240,7 +240,7 @@ def carried_share(marionette: Marionette, run: Trajectory) -> float:
     )
     if run.contact is None or not mass * gravity_norm:
         return 0.0
-    last_contacts, up = run.contact.at(len(run) - 1), -gravity / gravity_norm
+    last_contacts, up = run.contact.at_sample(len(run) - 1), -gravity / gravity_norm
     sides = np.array(
         [[name in bodies for name in names] for names in last_contacts.names], dtype=int
     )

@@ -74,20 +74,20 @@ class Tie:
     Attributes:
         string: name of the string.
         segment: index of the segment.
-        at: (3,) the point in the body's frame [m].
-        place: (3,) the point in the world, at rest [m].
+        local_position: (3,) the point in the body's frame [m].
+        position: (3,) the point in the world, at rest [m].
         other_end: (3,) other end of the string, in the world [m].
         holder: name of the driven body to which the other end is tied; empty without one.
-        lift: upward force at rest, relative to the puppet's weight; inf if it is not known.
+        lift_share: upward force at rest, relative to the puppet's weight; inf if it is not known.
     """
 
     string: str
     segment: int
-    at: Array
-    place: Array
+    local_position: Array
+    position: Array
     other_end: Array
     holder: str
-    lift: float
+    lift_share: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,7 +142,7 @@ class Anatomy:
 
     def top(self, segments: Iterable[int]) -> float:
         """Height of the highest point of segments [m]."""
-        return max(float(self.segments[k].outline[:, 2].max()) for k in segments)
+        return max(float(self.segments[segment].outline[:, 2].max()) for segment in segments)
 
     def middle(self, segments: tuple[int, ...]) -> Array:
         """(3,) middle of the box around segments [m]."""
@@ -165,65 +165,83 @@ def anatomy_of(puppet: CompiledPuppet, member: str, x: State | None) -> Anatomy:
     poses = measure(puppet.tree, number).poses[None]
     if x is not None:
         poses = link_poses(puppet.tree.links, x.q_D[None], x.q_K[None], number)
-    leader = _leaders(puppet, member)
-    segments = _segments(puppet, leader, poses[0], member or puppet.name)
-    index = {segment.link: k for k, segment in enumerate(segments)}
-    segment_of = {i: index[lead] for i, lead in leader.items() if lead in index}
+    leader_of = _leaders(puppet, member)
+    segments = _segments(puppet, leader_of, poses[0], member or puppet.name)
+    index_of_leader = {
+        segment.link: segment_index for segment_index, segment in enumerate(segments)
+    }
+    segment_of_link = {
+        i: index_of_leader[leader_link]
+        for i, leader_link in leader_of.items()
+        if leader_link in index_of_leader
+    }
     forces = {} if x is None else _forces(puppet, x, poses)
     gravity = np.linalg.norm([number(g) for g in puppet.tree.gravity])
     weight = max(float(gravity) * sum(segment.mass for segment in segments), 1e-12)
     ties: list[Tie] = []
     for row in (*puppet.tree.strings, *puppet.tree.chains):
         points = row.points if isinstance(row, StringRow) else (row.points[0], row.points[-1])
-        tied_points = [p for p in (points[0], points[-1]) if p.link in segment_of]
-        tied_points = tied_points or [p for p in points if p.link in segment_of]
-        others = [p for p in (points[-1], points[0], *points) if p.link not in segment_of]
+        tied_points = [p for p in (points[0], points[-1]) if p.link in segment_of_link]
+        tied_points = tied_points or [p for p in points if p.link in segment_of_link]
+        free_points = [p for p in (points[-1], points[0], *points) if p.link not in segment_of_link]
         for point in tied_points:
-            other = others[0] if others else point
-            k, position = segment_of[point.link], point_position(poses, point, number)[0]
+            other_point = free_points[0] if free_points else point
+            segment_index, position = (
+                segment_of_link[point.link],
+                point_position(poses, point, number)[0],
+            )
             ties.append(
                 Tie(
                     string=row.name,
-                    segment=k,
-                    at=segments[k].pose[:, :3].T @ (position - segments[k].joint),
-                    place=position,
-                    other_end=point_position(poses, other, number)[0],
-                    holder=_driven_body(puppet, other),
-                    lift=forces.get(row.name, np.inf) / weight,
+                    segment=segment_index,
+                    local_position=segments[segment_index].pose[:, :3].T
+                    @ (position - segments[segment_index].joint),
+                    position=position,
+                    other_end=point_position(poses, other_point, number)[0],
+                    holder=_driven_body(puppet, other_point),
+                    lift_share=forces.get(row.name, np.inf) / weight,
                 )
             )
     return Anatomy(segments, tuple(ties))
 
 
 def _segments(
-    puppet: CompiledPuppet, leader: Mapping[int, int], poses: Array, name: str
+    puppet: CompiledPuppet, leader_of: Mapping[int, int], poses: Array, name: str
 ) -> tuple[Segment, ...]:
     """Segments of the largest tree of bodies that moves freely, parents first."""
     links, number = puppet.tree.links, puppet.number
-    roots = {lead: _root(puppet, leader, lead) for lead in sorted(set(leader.values()))}
+    roots = {
+        leader_link: _root(puppet, leader_of, leader_link)
+        for leader_link in sorted(set(leader_of.values()))
+    }
     trees: dict[int, list[int]] = {}
-    for lead, root in roots.items():
-        trees.setdefault(root, []).append(lead)
-    moving = [t for t in trees.values() if any(links[k].role is Role.DYNAMIC for k in t)]
-    if not moving:
+    for leader_link, root in roots.items():
+        trees.setdefault(root, []).append(leader_link)
+    movable = [tree for tree in trees.values() if any(links[k].role is Role.DYNAMIC for k in tree)]
+    if not movable:
         raise StateError(
             f"{name} has no body map of trunk and limbs: none of its bodies moves freely"
         )
-    leads = max(moving, key=len)
-    index = {lead: k for k, lead in enumerate(leads)}
-    carriers = {lead: leader.get(links[lead].parent, NO_PARENT) for lead in leads}
+    leader_links = max(movable, key=len)
+    index_of_leader = {leader_link: k for k, leader_link in enumerate(leader_links)}
+    carriers = {
+        leader_link: leader_of.get(links[leader_link].parent, NO_PARENT)
+        for leader_link in leader_links
+    }
     segments = []
-    for lead in leads:
-        members = [i for i, first in leader.items() if first == lead]
+    for leader_link in leader_links:
+        members = [i for i, link_leader in leader_of.items() if link_leader == leader_link]
         segments.append(
             Segment(
-                link=lead,
-                name=links[lead].name,
-                parent=index.get(carriers[lead], NO_PARENT),
-                children=tuple(index[k] for k in leads if carriers[k] == lead),
-                pose=poses[lead],
+                link=leader_link,
+                name=links[leader_link].name,
+                parent=index_of_leader.get(carriers[leader_link], NO_PARENT),
+                children=tuple(
+                    index_of_leader[k] for k in leader_links if carriers[k] == leader_link
+                ),
+                pose=poses[leader_link],
                 mass=sum(link_inertia(links[i], number)[0] for i in members),
-                corners=_corners(puppet, poses, lead, members),
+                corners=_corners(puppet, poses, leader_link, members),
             )
         )
     return tuple(segments)
@@ -237,29 +255,29 @@ def _leaders(puppet: CompiledPuppet, member: str) -> dict[int, int]:
     links, prefix = puppet.tree.links, f"{member}." if member else ""
     bodies = {body.name for body in puppet.puppet.expanded().bodies}
     bodies -= set(puppet.puppet.props)
-    leader: dict[int, int] = {}
+    leader_of: dict[int, int] = {}
     for i, link in enumerate(links):
         is_frame = link.kind == "fixed" and link.parent == WORLD
         is_frame &= not link.shapes and link_inertia(link, puppet.number)[0] == 0.0
         if link.name not in bodies or not link.name.startswith(prefix) or is_frame:
             continue
-        fixed = link.kind == "fixed" and link.parent in leader
-        leader[i] = leader[link.parent] if fixed else i
-    return leader
+        is_fixed = link.kind == "fixed" and link.parent in leader_of
+        leader_of[i] = leader_of[link.parent] if is_fixed else i
+    return leader_of
 
 
-def _root(puppet: CompiledPuppet, leader: Mapping[int, int], lead: int) -> int:
+def _root(puppet: CompiledPuppet, leader_of: Mapping[int, int], link: int) -> int:
     """Leading link of the segment that carries all others of its tree."""
-    while (parent := puppet.tree.links[lead].parent) in leader:
-        lead = leader[parent]
-    return lead
+    while (parent := puppet.tree.links[link].parent) in leader_of:
+        link = leader_of[parent]
+    return link
 
 
-def _corners(puppet: CompiledPuppet, poses: Array, lead: int, members: list[int]) -> Array:
-    """(n, 3) corners of the boxes around the shapes of links, in the frame of link ``lead`` [m]."""
-    R, r = poses[lead, :, :3], poses[lead, :, 3]
+def _corners(puppet: CompiledPuppet, poses: Array, reference_link: int, links: list[int]) -> Array:
+    """(n, 3) corners of the boxes around the shapes of links, in the frame of a link [m]."""
+    R, r = poses[reference_link, :, :3], poses[reference_link, :, 3]
     corners = [np.zeros((0, 3))]
-    for i in members:
+    for i in links:
         for shape in puppet.tree.links[i].shapes:
             for low, high in _boxes(shape):
                 box = np.array(list(product(*zip(low, high, strict=True))))
@@ -293,6 +311,6 @@ def _forces(puppet: CompiledPuppet, x: State, poses: Array) -> dict[str, float]:
 def _driven_body(puppet: CompiledPuppet, point: Point) -> str:
     """Driven body from which a string hangs: the last on the way to the world."""
     links, names = puppet.tree.links, {body.name for body in puppet.puppet.expanded().bodies}
-    chain = [] if point.link == WORLD else puppet.tree.ancestors(point.link)
-    driven = [i for i in chain if links[i].role is Role.DRIVEN and links[i].name in names]
+    links_to_world = [] if point.link == WORLD else puppet.tree.ancestors(point.link)
+    driven = [i for i in links_to_world if links[i].role is Role.DRIVEN and links[i].name in names]
     return links[driven[-1]].name if driven else ""

@@ -23,9 +23,9 @@ MIN_SHARE = 0.02
 MIN_COSINE = np.cos(np.radians(10.0))
 """Cosine of the largest angle between the trunk's axis and the direction in which it looks, for a
 trunk that only leans at rest."""
-_DIGITS = 5
+_DECIMALS = 5
 """Decimals of points [m] and directions: a hundredth of a millimetre."""
-_ORDER = {"arm": 0, "wing": 1, "leg": 2, "neck": 3, "tail": 4}
+_KIND_ORDER = {"arm": 0, "wing": 1, "leg": 2, "neck": 3, "tail": 4}
 
 
 def find_body_map(puppet: CompiledPuppet, member: str = "") -> BodyMap:
@@ -41,8 +41,8 @@ def find_body_map(puppet: CompiledPuppet, member: str = "") -> BodyMap:
         StateError: the puppet has no pair of limbs; the message has its bodies.
     """
     name, prefix = member or puppet.name, f"{member}." if member else ""
-    whole = puppet.puppet.expanded()
-    rig = (whole.rigs.get(member) if member else whole.rig) or Rig()
+    puppet_with_mirror = puppet.puppet.expanded()
+    rig = (puppet_with_mirror.rigs.get(member) if member else puppet_with_mirror.rig) or Rig()
     anatomy = anatomy_of(puppet, member, None)
     if rig.limbs is None:
         # The file's pose may already show that there is no map; a rest needs a compiled library.
@@ -74,19 +74,19 @@ def find_body_map(puppet: CompiledPuppet, member: str = "") -> BodyMap:
 def _map_of_file(rig: Rig, prefix: str) -> BodyMap:
     """Trunk, limbs and facing from a file with these entries."""
 
-    def named(names: Iterable[str]) -> tuple[str, ...]:
+    def prefixed(names: Iterable[str]) -> tuple[str, ...]:
         return tuple(prefix + name for name in names)
 
     count: Counter[tuple[str, str]] = Counter()
     ranked: list[tuple[int, int, str, Limb]] = []
     for limb in rig.limbs or ():
-        own = Limb(limb.kind, limb.side, named(limb.bodies), limb.end, named(limb.strings))
-        ranked.append((_ORDER[limb.kind], count[limb.kind, limb.side], limb.side, own))
+        mapped = Limb(limb.kind, limb.side, prefixed(limb.bodies), limb.end, prefixed(limb.strings))
+        ranked.append((_KIND_ORDER[limb.kind], count[limb.kind, limb.side], limb.side, mapped))
         count[limb.kind, limb.side] += 1
     # Mirrored limbs follow the originals in the file; a pair stands together in the map.
     limbs = tuple(limb for *_, limb in sorted(ranked, key=lambda entry: entry[:3]))
     assert rig.trunk is not None and rig.facing is not None, "limbs are given with both"
-    return BodyMap(named(rig.trunk), None, limbs, rig.facing)
+    return BodyMap(prefixed(rig.trunk), None, limbs, rig.facing)
 
 
 def _with_head(body_map: BodyMap, head: Head) -> BodyMap:
@@ -109,34 +109,40 @@ def _map_of_anatomy(
     left = np.cross([0.0, 0.0, 1.0], forward)
     tolerance = SIZE_TOLERANCE * anatomy.size
 
-    def side(branch: Branch) -> Side:
-        away = parts.plane.side(anatomy.segments[branch.chain[0]].joint)
-        away *= float(parts.plane.across @ left)
-        in_middle = branch.twin < 0 and abs(away) <= tolerance
-        return "middle" if in_middle else "left" if away > 0.0 else "right"
+    def side_of(branch: Branch) -> Side:
+        offset = parts.plane.side(anatomy.segments[branch.chain[0]].joint)
+        offset *= float(parts.plane.across @ left)
+        in_middle = branch.twin < 0 and abs(offset) <= tolerance
+        return "middle" if in_middle else "left" if offset > 0.0 else "right"
 
-    def order(branch: Branch) -> tuple[int, float, float]:
+    def sort_key(branch: Branch) -> tuple[int, float, float]:
         joint = anatomy.segments[branch.chain[0]].joint
-        ahead = round(float(joint @ forward) / tolerance)
-        return _ORDER[branch.kind], -ahead, -float(joint @ left)
+        rank_ahead = round(float(joint @ forward) / tolerance)
+        return _KIND_ORDER[branch.kind], -rank_ahead, -float(joint @ left)
 
     branches, head = list(parts.limbs), None
     if parts.head is not None:
-        last = anatomy.segments[parts.head.chain[-1]]
-        head = Head(last.name, _rounded(parts.head.end))
+        head_segment = anatomy.segments[parts.head.chain[-1]]
+        head = Head(head_segment.name, _rounded(parts.head.end))
         doubts += [Doubt("head", reason) for reason in parts.head.doubts]
         if neck := parts.head.chain[:-1]:
-            below = anatomy.segments[neck[-1]]
-            branches.append(Branch(neck, below.pose[:, :3].T @ (last.joint - below.joint), "neck"))
-    branches.sort(key=order)
-    heads = () if parts.head is None else parts.head.chain[-1:]
+            neck_segment = anatomy.segments[neck[-1]]
+            branches.append(
+                Branch(
+                    neck,
+                    neck_segment.pose[:, :3].T @ (head_segment.joint - neck_segment.joint),
+                    "neck",
+                )
+            )
+    branches.sort(key=sort_key)
+    head_chain = () if parts.head is None else parts.head.chain[-1:]
     limbs = tuple(
         Limb(
             kind=branch.kind,
-            side=side(branch),
+            side=side_of(branch),
             bodies=tuple(anatomy.segments[k].name for k in branch.chain),
             end=_rounded(branch.end),
-            strings=_strings_of_limb(anatomy, branch.chain, heads),
+            strings=_strings_of_limb(anatomy, branch.chain, head_chain),
         )
         for branch in branches
     )
@@ -152,26 +158,30 @@ def _with_strings(body_map: BodyMap, anatomy: Anatomy, rig: Rig, doubts: list[Do
     """The map with the strings that carry and look, and the control; adds doubts."""
     index = {segment.name: k for k, segment in enumerate(anatomy.segments)}
     trunk = {index[name] for name in body_map.trunk if name in index}
-    holding = [tie for tie in anatomy.ties if tie.lift >= MIN_SHARE]
-    carrying = _names(tie.string for tie in holding if tie.segment in trunk)
+    load_ties = [tie for tie in anatomy.ties if tie.lift_share >= MIN_SHARE]
+    carrying = _distinct(tie.string for tie in load_ties if tie.segment in trunk)
     if not carrying and rig.carrying is None:
-        own = _names(tie.string for tie in anatomy.ties if tie.segment in trunk)
-        carrying = own or _names(tie.string for tie in holding)
-        text = "its strings carry no weight at rest" if own else "no string is tied to it"
+        trunk_strings = _distinct(tie.string for tie in anatomy.ties if tie.segment in trunk)
+        carrying = trunk_strings or _distinct(tie.string for tie in load_ties)
+        text = "its strings carry no weight at rest" if trunk_strings else "no string is tied to it"
         doubts.append(Doubt("trunk", text))
     bodies = [] if body_map.head is None else [body_map.head.body]
     bodies += [name for limb in body_map.limbs if limb.kind == "neck" for name in limb.bodies]
-    looking = _names(
+    looking = _distinct(
         tie.string for name in bodies if name in index for tie in anatomy.ties_of(index[name])
     )
     if body_map.head is not None and not looking and rig.looking is None:
         doubts.append(Doubt("head", "no string moves it"))
-    used = {*carrying, *looking, *(string for limb in body_map.limbs for string in limb.strings)}
+    mapped_strings = {
+        *carrying,
+        *looking,
+        *(string for limb in body_map.limbs for string in limb.strings),
+    }
     if rig.limbs is None:
         rig_strings = {*(rig.carrying or ()), *(rig.looking or ())}
         ties = [tie for tie in anatomy.ties if tie.string.rpartition(".")[2] not in rig_strings]
-        idle = _names(tie.string for tie in ties if tie.string not in used)
-        doubts += [Doubt(name, "this string moves no part of the map") for name in idle]
+        unused = _distinct(tie.string for tie in ties if tie.string not in mapped_strings)
+        doubts += [Doubt(name, "this string moves no part of the map") for name in unused]
     holders = [tie.holder for tie in anatomy.ties if tie.holder]
     control = max(sorted(set(holders)), key=holders.count, default="")
     return replace(body_map, carrying=carrying, looking=looking, control=control)
@@ -181,27 +191,29 @@ def _with_sizes(body_map: BodyMap, anatomy: Anatomy) -> BodyMap:
     """The map with the lengths of its limbs, and its size."""
     joints = {segment.name: segment.joint for segment in anatomy.segments}
 
-    def way(points: list[Array]) -> float:
+    def path_length(points: list[Array]) -> float:
         return float(np.sum(np.linalg.norm(np.diff(points, axis=0), axis=1)))
 
-    def sized(limb: Limb) -> Limb:
-        own = [joints[name] for name in limb.bodies if name in joints]
-        length = way(own) if own else 0.0
-        return replace(limb, length=round(length + float(np.linalg.norm(limb.end)), _DIGITS))
+    def with_length(limb: Limb) -> Limb:
+        joint_positions = [joints[name] for name in limb.bodies if name in joints]
+        length = path_length(joint_positions) if joint_positions else 0.0
+        return replace(limb, length=round(length + float(np.linalg.norm(limb.end)), _DECIMALS))
 
-    limbs = tuple(sized(limb) for limb in body_map.limbs)
+    limbs = tuple(with_length(limb) for limb in body_map.limbs)
     legs = [limb for limb in limbs if limb.kind == "leg"]
     hips = [joints[limb.bodies[0]] for limb in legs if limb.bodies[0] in joints]
     trunk = [joints[name] for name in body_map.trunk if name in joints]
     necks = [limb for limb in limbs if limb.kind == "neck"]
     # Hips and neck lie on the bodies of the trunk at places that do not depend on the pose.
-    ends = [np.mean(hips, axis=0)] if hips else trunk[:1]
-    tops = [necks[0].bodies[0]] if necks else [] if body_map.head is None else [body_map.head.body]
-    ends += [joints[name] for name in tops if name in joints]
-    size = way(ends) + max((leg.length for leg in legs), default=0.0)
+    axis_points = [np.mean(hips, axis=0)] if hips else trunk[:1]
+    upper_bodies = (
+        [necks[0].bodies[0]] if necks else [] if body_map.head is None else [body_map.head.body]
+    )
+    axis_points += [joints[name] for name in upper_bodies if name in joints]
+    size = path_length(axis_points) + max((leg.length for leg in legs), default=0.0)
     size += sum(neck.length for neck in necks)
     size += 0.0 if body_map.head is None else float(np.linalg.norm(body_map.head.end))
-    return replace(body_map, limbs=limbs, size=round(size, _DIGITS))
+    return replace(body_map, limbs=limbs, size=round(size, _DECIMALS))
 
 
 def _strings_of_limb(
@@ -211,12 +223,14 @@ def _strings_of_limb(
     names: list[str] = []
     for k in reversed(chain):
         names += [tie.string for tie in anatomy.ties if tie.segment == k]
-        carried = [child for child in anatomy.segments[k].children if child not in (*chain, *heads)]
-        names += [tie.string for child in carried for tie in anatomy.ties_of(child)]
-    return _names(names)
+        side_branches = [
+            child for child in anatomy.segments[k].children if child not in (*chain, *heads)
+        ]
+        names += [tie.string for child in side_branches for tie in anatomy.ties_of(child)]
+    return _distinct(names)
 
 
-def _names(names: Iterable[str]) -> tuple[str, ...]:
+def _distinct(names: Iterable[str]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(names))
 
 
@@ -228,5 +242,5 @@ def _nearest_axis(direction: Array) -> tuple[float, float, float]:
 
 
 def _rounded(point: Array) -> tuple[float, float, float]:
-    x, y, z = (round(float(number), _DIGITS) + 0.0 for number in point)
+    x, y, z = (round(float(number), _DECIMALS) + 0.0 for number in point)
     return x, y, z

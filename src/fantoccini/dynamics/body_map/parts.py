@@ -32,7 +32,7 @@ CLEAR_MARGIN, CLEAR_RISE = 0.5, 0.1
 """Margin of scores, and height above the trunk relative to the puppet's height, above which a head
 is not doubtful."""
 
-MIN_ASIDE = 1e-3
+MIN_PLANE_OFFSET = 1e-3
 """Smallest distance of an end from the plane of symmetry that is not rounding, relative to the
 puppet's size."""
 
@@ -89,9 +89,10 @@ def parts_of(anatomy: Anatomy, name: str) -> Parts:
     trunk = () if plane is None else _trunk(anatomy, plane)
     if plane is None or not trunk:
         bodies = ", ".join(segment.name for segment in anatomy.segments[:6])
-        more = ", ..." if len(anatomy.segments) > 6 else ""
+        ellipsis = ", ..." if len(anatomy.segments) > 6 else ""
         raise StateError(
-            f"{name} has no body map: no two branches of its bodies ({bodies}{more}) are alike, "
+            f"{name} has no body map: no two branches of its bodies ({bodies}{ellipsis}) are "
+            "alike, "
             "one on each side. A body map has a trunk with at least one pair of limbs; give it "
             "under `rig` in the puppet file"
         )
@@ -103,14 +104,14 @@ def parts_of(anatomy: Anatomy, name: str) -> Parts:
             if is_limb_pair(anatomy, pair):
                 limbs += _pair(anatomy, trunk, pair)
         middles += [_branch(anatomy, k) for k in branches.middle if k not in trunk]
-        for k in branches.odd:
-            odd = replace(_branch(anatomy, k), kind=_kind(anatomy, trunk, k))
-            limbs.append(odd.doubted("it has no twin on the other side"))
+        for k in branches.unpaired:
+            unpaired = replace(_branch(anatomy, k), kind=_kind(anatomy, trunk, k))
+            limbs.append(unpaired.doubted("it has no twin on the other side"))
     head, tails = _head(anatomy, trunk, middles)
     head = None if head is None else _in_plane(anatomy, plane, head)
     tails = [_in_plane(anatomy, plane, tail) for tail in tails]
     doubts: tuple[str, ...] = ()
-    if plane.rival:
+    if plane.is_ambiguous:
         doubts = (
             "its two ends are as alike as its two sides, so that front and side may be swapped",
         )
@@ -122,10 +123,10 @@ def _in_plane(anatomy: Anatomy, plane: Plane, branch: Branch) -> Branch:
 
     A head on a pair of strings ends between their ties.
     """
-    own = anatomy.segments[branch.chain[-1]]
-    R, r = own.pose[:, :3], own.pose[:, 3]
+    segment = anatomy.segments[branch.chain[-1]]
+    R, r = segment.pose[:, :3], segment.pose[:, 3]
     distance = plane.side(R @ branch.end + r)
-    if abs(distance) < MIN_ASIDE * anatomy.size:
+    if abs(distance) < MIN_PLANE_OFFSET * anatomy.size:
         return branch
     return replace(branch, end=branch.end - distance * (plane.across @ R))
 
@@ -138,8 +139,8 @@ def is_limb_pair(anatomy: Anatomy, pair: tuple[int, int]) -> bool:
         or anatomy.relative_lowest_height(first) <= MAX_GROUND_HEIGHT
     ):
         return True
-    long = _length(anatomy, _branch(anatomy, first)) >= MIN_LIMB_LENGTH * anatomy.size
-    return long and bool(anatomy.ties_of(first))
+    is_long = _length(anatomy, _branch(anatomy, first)) >= MIN_LIMB_LENGTH * anatomy.size
+    return is_long and bool(anatomy.ties_of(first))
 
 
 def far_end(anatomy: Anatomy, segment: int) -> Array:
@@ -148,11 +149,11 @@ def far_end(anatomy: Anatomy, segment: int) -> Array:
     It is the middle of the box around the corners that lie there. Without shapes it is the farthest
     joint or string on the segment.
     """
-    own = anatomy.segments[segment]
-    to_body = own.pose[:, :3]
-    tips = [(anatomy.segments[k].joint - own.joint) @ to_body for k in own.children]
-    tips += [tie.at for tie in anatomy.ties if tie.segment == segment]
-    points = own.corners if len(own.corners) else np.array([np.zeros(3), *tips])
+    body = anatomy.segments[segment]
+    to_body = body.pose[:, :3]
+    joints_and_ties = [(anatomy.segments[k].joint - body.joint) @ to_body for k in body.children]
+    joints_and_ties += [tie.local_position for tie in anatomy.ties if tie.segment == segment]
+    points = body.corners if len(body.corners) else np.array([np.zeros(3), *joints_and_ties])
     middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
     length = float(np.linalg.norm(middle))
     if length < 1e-9:
@@ -162,18 +163,18 @@ def far_end(anatomy: Anatomy, segment: int) -> Array:
     k = int(np.argmax(np.abs(middle)))
     axis[k] = np.sign(middle[k])
     along = points @ axis
-    last = points[along >= along.max() - END_SHARE * abs(float(along.max()))]
-    return 0.5 * (last.min(axis=0) + last.max(axis=0))
+    end_points = points[along >= along.max() - END_SHARE * abs(float(along.max()))]
+    return 0.5 * (end_points.min(axis=0) + end_points.max(axis=0))
 
 
 def _trunk(anatomy: Anatomy, plane: Plane) -> tuple[int, ...]:
     """Segments on the plane that carry pairs of limbs, and those between them and the root."""
     trunk: set[int] = set()
-    axial = [0]
-    while axial:
-        segment = axial.pop()
+    pending = [0]
+    while pending:
+        segment = pending.pop()
         branches = branches_of(anatomy, plane, segment)
-        axial += branches.middle
+        pending += branches.middle
         if any(is_limb_pair(anatomy, pair) for pair in branches.pairs):
             while segment != NO_PARENT:
                 trunk.add(segment)
@@ -185,26 +186,26 @@ def _branch(anatomy: Anatomy, first: int) -> Branch:
     """The chain of a branch: it ends where several children are as long as one another."""
     chain = [first]
     while children := anatomy.segments[chain[-1]].children:
-        lengths = sorted((_depth(anatomy, k), k) for k in children)
+        lengths = sorted((_longest_path(anatomy, k), k) for k in children)
         if len(lengths) > 1 and lengths[-1][0] < MIN_LENGTH_RATIO * lengths[-2][0]:
             break
         chain.append(lengths[-1][1])
-    tied = [tie.at for tie in anatomy.ties if tie.segment == chain[-1]]
-    return Branch(tuple(chain), tied[-1] if tied else far_end(anatomy, chain[-1]))
+    tie_positions = [tie.local_position for tie in anatomy.ties if tie.segment == chain[-1]]
+    return Branch(tuple(chain), tie_positions[-1] if tie_positions else far_end(anatomy, chain[-1]))
 
 
 def _pair(anatomy: Anatomy, trunk: tuple[int, ...], pair: tuple[int, int]) -> list[Branch]:
     kind = _kind(anatomy, trunk, pair[0])
     limbs = []
-    for own, other in (pair, pair[::-1]):
-        limb = replace(_branch(anatomy, own), kind=kind, twin=other)
+    for segment, twin in (pair, pair[::-1]):
+        limb = replace(_branch(anatomy, segment), kind=kind, twin=twin)
         if kind == "leg":
             # A foot ends at its sole, not at the string that lifts it.
             limb = replace(limb, end=far_end(anatomy, limb.chain[-1]))
-        elif anatomy.relative_lowest_height(own) <= MAX_DOUBTFUL_HEIGHT:
-            share = f"{anatomy.relative_lowest_height(own):.0%} of the height"
+        elif anatomy.relative_lowest_height(segment) <= MAX_DOUBTFUL_HEIGHT:
+            share = f"{anatomy.relative_lowest_height(segment):.0%} of the height"
             limb = limb.doubted(f"it ends {share} above the lowest point; it could be a leg")
-        if kind != "leg" and not anatomy.ties_of(own):
+        if kind != "leg" and not anatomy.ties_of(segment):
             limb = limb.doubted("no string lifts it")
         limbs.append(limb)
     return limbs
@@ -213,11 +214,12 @@ def _pair(anatomy: Anatomy, trunk: tuple[int, ...], pair: tuple[int, int]) -> li
 def _kind(anatomy: Anatomy, trunk: tuple[int, ...], first: int) -> LimbKind:
     """Leg if it reaches the ground, or would with straight joints; wing if it is flat; else arm."""
     joint = anatomy.segments[first].joint
-    straight = joint[2] - _length(anatomy, _branch(anatomy, first)) - anatomy.lowest_z
-    low_down = (
-        joint[2] < anatomy.middle(trunk)[2] and straight <= MAX_GROUND_HEIGHT * anatomy.height
+    straight_end_height = joint[2] - _length(anatomy, _branch(anatomy, first)) - anatomy.lowest_z
+    reaches_ground = (
+        joint[2] < anatomy.middle(trunk)[2]
+        and straight_end_height <= MAX_GROUND_HEIGHT * anatomy.height
     )
-    if anatomy.relative_lowest_height(first) <= MAX_GROUND_HEIGHT or low_down:
+    if anatomy.relative_lowest_height(first) <= MAX_GROUND_HEIGHT or reaches_ground:
         return "leg"
     return "wing" if _is_flat(anatomy, first) else "arm"
 
@@ -231,21 +233,21 @@ def _without_wings_as_legs(anatomy: Anatomy, limbs: list[Branch]) -> list[Branch
     lowest = min(anatomy.segments[limb.chain[0]].joint[2] for limb in round_legs)
 
     def is_wing(limb: Branch) -> bool:
-        higher = anatomy.segments[limb.chain[0]].joint[2] > lowest
-        return limb in legs and limb not in round_legs and bool(higher)
+        is_higher = anatomy.segments[limb.chain[0]].joint[2] > lowest
+        return limb in legs and limb not in round_legs and bool(is_higher)
 
     return [replace(limb, kind="wing") if is_wing(limb) else limb for limb in limbs]
 
 
 def _is_flat(anatomy: Anatomy, first: int) -> bool:
     """Whether the larger part of a branch's area belongs to flat bodies."""
-    flat = total = 0.0
+    flat_area = total_area = 0.0
     for k in anatomy.branch(first):
-        thin, broad, long = anatomy.segments[k].box_lengths
-        total += broad * long
-        if thin < MAX_THICKNESS * broad and broad > MIN_BREADTH * long:
-            flat += broad * long
-    return flat > 0.5 * total
+        thickness, breadth, length = anatomy.segments[k].box_lengths
+        total_area += breadth * length
+        if thickness < MAX_THICKNESS * breadth and breadth > MIN_BREADTH * length:
+            flat_area += breadth * length
+    return flat_area > 0.5 * total_area
 
 
 def _head(
@@ -256,59 +258,61 @@ def _head(
     A head is higher than the trunk's middle, hangs on strings, and its largest body is round and
     larger than those of tails.
     """
-    middle, top = anatomy.middle(trunk)[2], anatomy.top(trunk)
-    largest = [_last_bulky(anatomy, branch.chain) for branch in middles]
-    max_bulk = max((_bulk(anatomy, k) for k in largest), default=0.0)
+    trunk_height, trunk_top = anatomy.middle(trunk)[2], anatomy.top(trunk)
+    heaviest = [_last_heavy_segment(anatomy, branch.chain) for branch in middles]
+    max_size = max((_mass_or_volume(anatomy, k) for k in heaviest), default=0.0)
     scores = []
-    for branch, k in zip(middles, largest, strict=True):
-        box = anatomy.segments[k].box_lengths
-        score = 1.0 if anatomy.top(anatomy.branch(branch.chain[0])) > middle else 0.0
+    for branch, k in zip(middles, heaviest, strict=True):
+        lengths = anatomy.segments[k].box_lengths
+        score = 1.0 if anatomy.top(anatomy.branch(branch.chain[0])) > trunk_height else 0.0
         score += 1.0 if anatomy.ties_of(branch.chain[0]) else 0.0
-        score += box[0] / max(box[2], 1e-9) + _bulk(anatomy, k) / max(max_bulk, 1e-12)
+        score += lengths[0] / max(lengths[2], 1e-9) + _mass_or_volume(anatomy, k) / max(
+            max_size, 1e-12
+        )
         scores.append(score)
     order = sorted(range(len(middles)), key=lambda k: -scores[k])
     if not order or scores[order[0]] < MIN_HEAD_SCORE:
         return None, [replace(branch, kind="tail") for branch in middles]
-    best, last = middles[order[0]], largest[order[0]]
-    tied = [tie.at for tie in anatomy.ties if tie.segment == last]
+    best, head_segment = middles[order[0]], heaviest[order[0]]
+    tie_positions = [tie.local_position for tie in anatomy.ties if tie.segment == head_segment]
     head = Branch(
-        chain=best.chain[: best.chain.index(last) + 1],
-        end=tied[-1] if tied else far_end(anatomy, last),
+        chain=best.chain[: best.chain.index(head_segment) + 1],
+        end=tie_positions[-1] if tie_positions else far_end(anatomy, head_segment),
         kind="neck",
     )
     if len(order) > 1 and scores[order[0]] - scores[order[1]] < CLEAR_MARGIN:
         rival = anatomy.segments[middles[order[1]].chain[0]].name
         head = head.doubted(f"{rival} could be the head as well")
-    elif anatomy.top(anatomy.branch(best.chain[0])) < top + CLEAR_RISE * anatomy.height:
+    elif anatomy.top(anatomy.branch(best.chain[0])) < trunk_top + CLEAR_RISE * anatomy.height:
         head = head.doubted("it is as high as the trunk; it could be a tail")
     return head, [replace(middles[k], kind="tail") for k in order[1:]]
 
 
-def _last_bulky(anatomy: Anatomy, chain: tuple[int, ...]) -> int:
+def _last_heavy_segment(anatomy: Anatomy, chain: tuple[int, ...]) -> int:
     """The last segment of a chain that is no jaw or beak: a neck may be heavier than its head."""
-    limit = MIN_HEAD_MASS * max(_bulk(anatomy, k) for k in chain)
-    return [k for k in chain if _bulk(anatomy, k) >= limit][-1]
+    min_size = MIN_HEAD_MASS * max(_mass_or_volume(anatomy, k) for k in chain)
+    return [k for k in chain if _mass_or_volume(anatomy, k) >= min_size][-1]
 
 
-def _bulk(anatomy: Anatomy, segment: int) -> float:
+def _mass_or_volume(anatomy: Anatomy, segment: int) -> float:
     """Mass of a segment [kg]; of massless ones the volume of the box around them [m^3]."""
-    own = anatomy.segments[segment]
-    return own.mass or float(np.prod(own.box_lengths))
+    body = anatomy.segments[segment]
+    return body.mass or float(np.prod(body.box_lengths))
 
 
 def _length(anatomy: Anatomy, branch: Branch) -> float:
     """Length of a branch over its joints [m]."""
     joints = [anatomy.segments[k].joint for k in branch.chain]
-    ways = np.diff(joints, axis=0)
-    tip = far_end(anatomy, branch.chain[-1])
-    return float(np.sum(np.linalg.norm(ways, axis=1)) + np.linalg.norm(tip))
+    steps = np.diff(joints, axis=0)
+    end = far_end(anatomy, branch.chain[-1])
+    return float(np.sum(np.linalg.norm(steps, axis=1)) + np.linalg.norm(end))
 
 
-def _depth(anatomy: Anatomy, segment: int) -> float:
+def _longest_path(anatomy: Anatomy, segment: int) -> float:
     """Length of the longest chain of a branch [m]."""
-    way = {segment: 0.0}
+    path_length = {segment: 0.0}
     for k in anatomy.branch(segment):
         for child in anatomy.segments[k].children:
             between = anatomy.segments[child].joint - anatomy.segments[k].joint
-            way[child] = way[k] + float(np.linalg.norm(between))
-    return max(way[k] + float(np.linalg.norm(far_end(anatomy, k))) for k in way)
+            path_length[child] = path_length[k] + float(np.linalg.norm(between))
+    return max(path_length[k] + float(np.linalg.norm(far_end(anatomy, k))) for k in path_length)

@@ -25,12 +25,12 @@ class Plane:
     Attributes:
         across: (3,) unit normal.
         offset: place along the normal [m].
-        rival: whether another plane explains the puppet as well.
+        is_ambiguous: whether another plane explains the puppet as well.
     """
 
     across: Array
     offset: float
-    rival: bool = False
+    is_ambiguous: bool = False
 
     def side(self, point: Array) -> float:
         """Distance of a point (3,) from the plane, along the normal [m]."""
@@ -44,12 +44,12 @@ class Branches:
     Attributes:
         pairs: pairs of children that are mirror images, on the side of the normal first.
         middle: children on the plane.
-        odd: other children.
+        unpaired: other children.
     """
 
     pairs: tuple[tuple[int, int], ...]
     middle: tuple[int, ...]
-    odd: tuple[int, ...]
+    unpaired: tuple[int, ...]
 
 
 def alike(anatomy: Anatomy, i: int, j: int) -> bool:
@@ -62,17 +62,18 @@ def alike(anatomy: Anatomy, i: int, j: int) -> bool:
     tolerance = SIZE_TOLERANCE * anatomy.size
     if np.any(np.abs(a.box_lengths - b.box_lengths) > 2.0 * tolerance):
         return False
-    left = list(b.children)
+    unmatched = list(b.children)
     for child in a.children:
-        match = [
-            other
-            for other in left
-            if abs(_reach(anatomy, i, child) - _reach(anatomy, j, other)) <= tolerance
-            and alike(anatomy, child, other)
+        candidates = [
+            candidate
+            for candidate in unmatched
+            if abs(_joint_distance(anatomy, i, child) - _joint_distance(anatomy, j, candidate))
+            <= tolerance
+            and alike(anatomy, child, candidate)
         ]
-        if not match:
+        if not candidates:
             return False
-        left.remove(match[0])
+        unmatched.remove(candidates[0])
     return True
 
 
@@ -100,46 +101,54 @@ def plane_of(anatomy: Anatomy) -> Plane | None:
     if not proposals:
         return None
     score, _, plane = max(proposals, key=lambda p: p[:2])
-    rival = any(
+    is_ambiguous = any(
         s >= score and abs(p.across @ plane.across) < 1.0 - MAX_SLOPE for s, _, p in proposals
     )
-    return Plane(plane.across, plane.offset, rival)
+    return Plane(plane.across, plane.offset, is_ambiguous)
 
 
 def branches_of(anatomy: Anatomy, plane: Plane, segment: int) -> Branches:
     """The children of a segment, by their places about a plane."""
     tolerance = SIZE_TOLERANCE * anatomy.size
-    left = list(anatomy.segments[segment].children)
+    unpaired_children = list(anatomy.segments[segment].children)
     pairs = []
     for i, j in combinations(anatomy.segments[segment].children, 2):
-        if i not in left or j not in left:
+        if i not in unpaired_children or j not in unpaired_children:
             continue
         a, b = anatomy.segments[i].joint, anatomy.segments[j].joint
-        image = a - 2.0 * plane.side(a) * plane.across
-        off = abs(plane.side(a)) > 0.5 * tolerance
-        if off and np.linalg.norm(image - b) <= 2.0 * tolerance and alike(anatomy, i, j):
+        mirrored_a = a - 2.0 * plane.side(a) * plane.across
+        is_off_plane = abs(plane.side(a)) > 0.5 * tolerance
+        if (
+            is_off_plane
+            and np.linalg.norm(mirrored_a - b) <= 2.0 * tolerance
+            and alike(anatomy, i, j)
+        ):
             pairs.append((i, j) if plane.side(a) > 0.0 else (j, i))
-            left.remove(i)
-            left.remove(j)
-    middle = [k for k in left if abs(plane.side(anatomy.segments[k].joint)) <= tolerance]
-    return Branches(tuple(pairs), tuple(middle), tuple(k for k in left if k not in middle))
+            unpaired_children.remove(i)
+            unpaired_children.remove(j)
+    middle = [
+        k for k in unpaired_children if abs(plane.side(anatomy.segments[k].joint)) <= tolerance
+    ]
+    return Branches(
+        tuple(pairs), tuple(middle), tuple(k for k in unpaired_children if k not in middle)
+    )
 
 
 def _score(anatomy: Anatomy, plane: Plane) -> float:
     """Number of segments explained by a plane, less that of the others; strings count a tenth."""
-    score, axial = 0.0, [0]
-    for segment in axial:
+    score, middle_segments = 0.0, [0]
+    for segment in middle_segments:
         branches = branches_of(anatomy, plane, segment)
         score += sum(len(list(anatomy.branch(k))) for pair in branches.pairs for k in pair)
         score += len(branches.middle)
-        score -= sum(len(list(anatomy.branch(k))) for k in branches.odd)
-        axial += branches.middle
-    sides = [plane.side(tie.place) for tie in anatomy.ties if tie.segment in axial]
+        score -= sum(len(list(anatomy.branch(k))) for k in branches.unpaired)
+        middle_segments += branches.middle
+    sides = [plane.side(tie.position) for tie in anatomy.ties if tie.segment in middle_segments]
     tolerance = SIZE_TOLERANCE * anatomy.size
     return score + 0.1 * sum(any(abs(a + b) <= 2.0 * tolerance for b in sides) for a in sides)
 
 
-def _reach(anatomy: Anatomy, above: int, below: int) -> float:
+def _joint_distance(anatomy: Anatomy, upper: int, lower: int) -> float:
     """Distance between the joints of a segment and one that it carries [m]."""
-    between = anatomy.segments[below].joint - anatomy.segments[above].joint
+    between = anatomy.segments[lower].joint - anatomy.segments[upper].joint
     return float(np.linalg.norm(between))

@@ -3,11 +3,11 @@
 from fantoccini.dynamics.clearance.measure import Clearance, LeastDistance, Nearest
 from fantoccini.dynamics.clearance.obstacles import HalfSpace, Standing, standing
 from fantoccini.dynamics.clearance.path import Path
-from fantoccini.dynamics.clearance.strings_apart import (
+from fantoccini.dynamics.clearance.string_distances import (
     Approach,
     Approaches,
+    StringDistances,
     StringMotion,
-    StringsApart,
 )
 from fantoccini.dynamics.clearance.winding import Crossing, Winding
 
@@ -21,8 +21,8 @@ __all__ = [
     "Nearest",
     "Path",
     "Standing",
+    "StringDistances",
     "StringMotion",
-    "StringsApart",
     "Winding",
     "standing",
 ]

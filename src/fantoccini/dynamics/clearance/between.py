@@ -45,10 +45,10 @@ class Places(NamedTuple):
     q_D: Array
     q_K: Array
 
-    def subset(self, which: Indices | Mask) -> Places:
+    def subset(self, selection: Indices | Mask) -> Places:
         """The places selected by a mask or indices."""
         piece, s, t, q_D, q_K = self
-        return Places(piece[which], s[which], t[which], q_D[which], q_K[which])
+        return Places(piece[selection], s[selection], t[selection], q_D[selection], q_K[selection])
 
 
 def advance(path: Path, measure: Measure, criterion: Criterion) -> None:
@@ -56,10 +56,10 @@ def advance(path: Path, measure: Measure, criterion: Criterion) -> None:
     last = len(path) - 1
     for first in range(0, last + 1, _BATCH_SIZE):
         k = np.arange(first, min(first + _BATCH_SIZE, last + 1))
-        at = Places(k, np.zeros(len(k)), path.t[k], path.q_D[k], path.q_K[k])
+        places = Places(k, np.zeros(len(k)), path.t[k], path.q_D[k], path.q_K[k])
         moves = Moves(*(x[k] for x in path.midpoint_bounds))
-        around = k[criterion(at, *measure(at.q_D, at.q_K, moves))]
-        before, after = around[around > 0] - 1, around[around < last]
+        to_refine = k[criterion(places, *measure(places.q_D, places.q_K, moves))]
+        before, after = to_refine[to_refine > 0] - 1, to_refine[to_refine < last]
         piece = np.concatenate([before, after])
         h = path.h[piece]
         start = np.concatenate([0.5 * h[: len(before)], np.zeros(len(after))])
@@ -70,23 +70,25 @@ def _refine(
     path: Path, measure: Measure, criterion: Criterion, piece: Indices, start: Array, end: Array
 ) -> None:
     """Refines intervals (m,) of pieces, given by their ends [s]."""
-    open_ = end > start
-    waiting = [(piece[open_], start[open_], end[open_])] if np.any(open_) else []
-    while waiting:
-        piece, start, end = waiting.pop()
+    is_open = end > start
+    pending = [(piece[is_open], start[is_open], end[is_open])] if np.any(is_open) else []
+    while pending:
+        piece, start, end = pending.pop()
         if len(piece) > _BATCH_SIZE:
-            waiting.append((piece[_BATCH_SIZE:], start[_BATCH_SIZE:], end[_BATCH_SIZE:]))
+            pending.append((piece[_BATCH_SIZE:], start[_BATCH_SIZE:], end[_BATCH_SIZE:]))
             piece, start, end = piece[:_BATCH_SIZE], start[:_BATCH_SIZE], end[:_BATCH_SIZE]
         middle = 0.5 * (start + end)
-        at = Places(piece, middle, path.t[piece] + middle, *path.at(piece, middle))
-        halves = path.move_bounds(piece, start, middle), path.move_bounds(piece, middle, end)
-        moves = Moves(*(np.maximum(a, b) for a, b in zip(*halves, strict=True)))
-        around = criterion(at, *measure(at.q_D, at.q_K, moves))
-        around = around[(start[around] < middle[around]) & (middle[around] < end[around])]
-        if len(around):
-            piece = piece[around]
-            start, middle, end = (x[around] for x in (start, middle, end))
-            waiting.append(
+        places = Places(piece, middle, path.t[piece] + middle, *path.at(piece, middle))
+        half_bounds = path.move_bounds(piece, start, middle), path.move_bounds(piece, middle, end)
+        moves = Moves(*(np.maximum(a, b) for a, b in zip(*half_bounds, strict=True)))
+        to_refine = criterion(places, *measure(places.q_D, places.q_K, moves))
+        to_refine = to_refine[
+            (start[to_refine] < middle[to_refine]) & (middle[to_refine] < end[to_refine])
+        ]
+        if len(to_refine):
+            piece = piece[to_refine]
+            start, middle, end = (x[to_refine] for x in (start, middle, end))
+            pending.append(
                 (
                     np.concatenate([piece, piece]),
                     np.concatenate([start, middle]),

@@ -3,9 +3,9 @@
 In a block no point of a core is farther from its place at the middle sample c than the length of
 its path, so that
 
-    d(t) >= d(c) - path_i - path_j,   d(c) >= chords(c) - stray_i - stray_j
+    d(t) >= d(c) - path_i - path_j,   d(c) >= chords(c) - sag_i - sag_j
 
-with stray the largest distance of a slack string from its chord. Blocks in which this bound is
+with sag the largest distance of a slack string from its chord. Blocks in which this bound is
 large are finished; the others are cut into smaller ones, down to steps between samples.
 """
 
@@ -30,13 +30,13 @@ class Pairs:
     Attributes:
         i, j: (n,) cores; i are pieces of strings.
         group: (n,) index of the pair of names to which a pair belongs.
-        swollen: (n,) sum of the radii [m].
+        radii_sum: (n,) sum of the radii [m].
     """
 
     i: Indices
     j: Indices
     group: Indices
-    swollen: Array
+    radii_sum: Array
 
     def __len__(self) -> int:
         return len(self.i)
@@ -50,7 +50,7 @@ Take = Callable[[Indices, Indices, Array], None]
 
 
 def search(
-    cores: Cores, pairs: Pairs, limit: Limit, take: Take | None = None
+    cores: Cores, pairs: Pairs, limit: Limit, callback: Take | None = None
 ) -> tuple[Indices, Indices]:
     """Pairs (m,) and first samples (m,) of the steps in which they may be nearer than a limit.
 
@@ -60,40 +60,50 @@ def search(
         cores: cores along a motion.
         pairs: pairs of these cores.
         limit: limit of the distance, which may shrink while the search goes on.
-        take: callback for every measurement; its last call is for the first samples of steps.
+        callback: callback for every measurement; its last call is for the first samples of steps.
     """
     last = cores.a.shape[1] - 1
     start = np.arange(0, last + 1, _SIZES[0])
     pair = np.repeat(np.arange(len(pairs)), len(start))
     start = np.tile(start, len(pairs))
-    for size, smaller in zip(_SIZES, (*_SIZES[1:], 0), strict=True):
+    for size, next_size in zip(_SIZES, (*_SIZES[1:], 0), strict=True):
         middle = np.minimum(start + size // 2, last)
-        maxima = _block_maxima(cores.stray, size)
+        maxima = _block_maxima(cores.sag, size)
         block = start // size
-        stray = maxima[pairs.i[pair], block] + maxima[pairs.j[pair], block]
+        sag_bound = maxima[pairs.i[pair], block] + maxima[pairs.j[pair], block]
         travel = _max_travel(cores, pairs, pair, middle, start, size)
         distance = cores.straight(pairs.i[pair], pairs.j[pair], middle)
-        near = np.flatnonzero(distance - travel - stray < limit(pair, start))
-        pair, start, middle = pair[near], start[near], middle[near]
-        distance, travel = distance[near], travel[near]
+        candidates = np.flatnonzero(distance - travel - sag_bound < limit(pair, start))
+        pair, start, middle = pair[candidates], start[candidates], middle[candidates]
+        distance, travel = distance[candidates], travel[candidates]
         # Slack strings move little as well: their curves give a better bound than their sag.
-        slack = np.flatnonzero(stray[near] > 0.0)
+        slack = np.flatnonzero(sag_bound[candidates] > 0.0)
         i, j = pairs.i[pair[slack]], pairs.j[pair[slack]]
         distance[slack] = cores.exact(i, j, middle[slack])[0]
-        if take is not None:
-            take(pair, middle, distance)
-        near = np.flatnonzero(distance - travel < limit(pair, start))
-        pair, start, middle, distance = pair[near], start[near], middle[near], distance[near]
-        if smaller:
-            cuts = np.arange(0, size, smaller)
-            start = (start[:, None] + cuts).ravel()
-            pair, middle, distance = (np.repeat(x, len(cuts)) for x in (pair, middle, distance))
-            near = np.flatnonzero(start <= last)
-            pair, start, middle, distance = pair[near], start[near], middle[near], distance[near]
+        if callback is not None:
+            callback(pair, middle, distance)
+        candidates = np.flatnonzero(distance - travel < limit(pair, start))
+        pair, start, middle, distance = (
+            pair[candidates],
+            start[candidates],
+            middle[candidates],
+            distance[candidates],
+        )
+        if next_size:
+            offsets = np.arange(0, size, next_size)
+            start = (start[:, None] + offsets).ravel()
+            pair, middle, distance = (np.repeat(x, len(offsets)) for x in (pair, middle, distance))
+            candidates = np.flatnonzero(start <= last)
+            pair, start, middle, distance = (
+                pair[candidates],
+                start[candidates],
+                middle[candidates],
+                distance[candidates],
+            )
             # The middle of the whole block bounds its parts, before anything is measured there.
-            lower = distance - _max_travel(cores, pairs, pair, middle, start, smaller)
-            near = np.flatnonzero(lower < limit(pair, start))
-            pair, start = pair[near], start[near]
+            lower_bound = distance - _max_travel(cores, pairs, pair, middle, start, next_size)
+            candidates = np.flatnonzero(lower_bound < limit(pair, start))
+            pair, start = pair[candidates], start[candidates]
     return pair, start
 
 
@@ -104,8 +114,11 @@ def _max_travel(
     end = np.minimum(start + size, cores.a.shape[1] - 1)
     travel = np.zeros(len(pair))
     for core in (pairs.i[pair], pairs.j[pair]):
-        there = cores.travelled[core, k]
-        after, before = cores.travelled[core, end] - there, there - cores.travelled[core, start]
+        at_sample = cores.travelled[core, k]
+        after, before = (
+            cores.travelled[core, end] - at_sample,
+            at_sample - cores.travelled[core, start],
+        )
         travel += np.maximum(after, before)
     return travel
 

@@ -38,7 +38,7 @@ class Cores:
         travelled: (n, T) sum of the largest moves of its points since the first sample [m].
         curves: (n_curves, N_CHORDS + 1, 3) points of slack pieces [m].
         curve: (n, T) index into the curves; -1 for straight pieces and bodies.
-        stray: (n, T) largest distance of a curve from its chord; 0 without a curve [m].
+        sag: (n, T) largest distance of a curve from its chord; 0 without a curve [m].
         shape: (n,) index into boxes and ellipsoids, -1 for others.
         R, half: (n_shapes, T, 3, 3) axes in columns; (n_shapes, 3) half edges or axes [m].
         radius: (n_shapes,) radius of the capsule around an ellipsoid; 0 for boxes [m].
@@ -49,14 +49,14 @@ class Cores:
     travelled: Array
     curves: Vec3
     curve: Indices
-    stray: Array
+    sag: Array
     shape: Indices
     R: Array
     half: Array
     radius: Array
 
     @classmethod
-    def of(
+    def along_motion(
         cls, marionette: Marionette, bodies: Records, links: list[int], q_D: Array, q_K: Array
     ) -> Cores:
         """The cores at T configurations.
@@ -68,7 +68,7 @@ class Cores:
             q_D, q_K: (T, n_qD) dynamic and (T, n_qK) driven (kinematic) configurations.
         """
         pieces, lengths = _pieces(marionette, q_D, q_K)
-        curves, curve, stray = _curves(pieces, lengths)
+        curves, curve, sag = _curves(pieces, lengths)
         n_pieces, T = lengths.shape
         n = n_pieces + len(bodies)
         a, b = np.empty((2, n, T, 3))
@@ -77,22 +77,22 @@ class Cores:
         for i, ends in enumerate(pieces):
             travelled[i] = _travel_of_piece(ends, curves, curve[i])
         shape = np.full(n, -1)
-        shaped = np.flatnonzero(bodies["half"].any(axis=1))
-        axes = np.empty((len(shaped), T, 3, 3))
-        shape[n_pieces + shaped] = np.arange(len(shaped))
+        with_volume = np.flatnonzero(bodies["half"].any(axis=1))
+        axes = np.empty((len(with_volume), T, 3, 3))
+        shape[n_pieces + with_volume] = np.arange(len(with_volume))
         poses = marionette.poses(q_D, q_K)
         for link in dict.fromkeys(links):
             # Transposed, so that points are rows.
             R = np.ascontiguousarray(poses[:, link, :, :3].swapaxes(1, 2))
             r = poses[:, link, :, 3]
-            for m in np.flatnonzero(np.array(links) == link):
-                i, body = n_pieces + m, bodies[m]
+            for body_index in np.flatnonzero(np.array(links) == link):
+                i, body = n_pieces + body_index, bodies[body_index]
                 a[i], b[i] = (np.einsum("i,tij->tj", body[end], R) + r for end in ("a", "b"))
-                moving = [a[i], b[i]]
+                points = [a[i], b[i]]
                 if shape[i] >= 0:
                     axes[shape[i]] = (body["R"].reshape(3, 3) @ R).swapaxes(1, 2)
-                    moving = _corners(0.5 * (a[i] + b[i]), axes[shape[i]], body["half"])
-                travelled[i] = _travel(moving)
+                    points = _corners(0.5 * (a[i] + b[i]), axes[shape[i]], body["half"])
+                travelled[i] = _travel(points)
         zeros = np.zeros((len(bodies), T))
         return cls(
             a,
@@ -100,65 +100,67 @@ class Cores:
             travelled,
             curves,
             np.concatenate([curve, zeros.astype(int) - 1]),
-            np.concatenate([stray, zeros]),
+            np.concatenate([sag, zeros]),
             shape,
             axes,
-            bodies["half"][shaped],
-            bodies["radius"][shaped],
+            bodies["half"][with_volume],
+            bodies["radius"][with_volume],
         )
 
     def chords(self) -> Cores:
         """The same cores with straight strings."""
-        return replace(self, curve=np.full_like(self.curve, -1), stray=np.zeros_like(self.stray))
+        return replace(self, curve=np.full_like(self.curve, -1), sag=np.zeros_like(self.sag))
 
     def straight(self, i: Indices, j: Indices, k: Indices) -> Array:
         """Distances (m,) of chords i from cores j at samples k, all (m,), without radii [m]."""
         values = np.empty(len(i))
         for first in range(0, len(i), _CHUNK_SIZE):
-            part = slice(first, first + _CHUNK_SIZE)
-            a, b = self.a[i[part], k[part]], self.b[i[part], k[part]]
-            values[part] = self._from(a, b, j[part], k[part])[0]
+            chunk = slice(first, first + _CHUNK_SIZE)
+            a, b = self.a[i[chunk], k[chunk]], self.b[i[chunk], k[chunk]]
+            values[chunk] = self._distances_from(a, b, j[chunk], k[chunk])[0]
         return values
 
     def exact(self, i: Indices, j: Indices, k: Indices) -> tuple[Array, Vec3]:
         """Distances (m,) [m] with sagging strings, and nearest places (m, 3) on pieces i."""
-        distance, place = np.empty(len(i)), np.empty((len(i), 3))
+        distance, nearest = np.empty(len(i)), np.empty((len(i), 3))
         for first in range(0, len(i), _CHUNK_SIZE):
-            part = slice(first, first + _CHUNK_SIZE)
-            distance[part], place[part] = self._exact(i[part], j[part], k[part])
-        return distance, place
+            chunk = slice(first, first + _CHUNK_SIZE)
+            distance[chunk], nearest[chunk] = self._exact(i[chunk], j[chunk], k[chunk])
+        return distance, nearest
 
     def _exact(self, i: Indices, j: Indices, k: Indices) -> tuple[Array, Vec3]:
         a, b = self.a[i, k], self.b[i, k]
-        distance, s = self._from(a, b, j, k)
-        place = a + s[:, None] * (b - a)
-        curved, other = self.curve[i, k] >= 0, self.curve[j, k] >= 0
-        for bent in (curved & ~other, ~curved & other, curved & other):
-            m = np.flatnonzero(bent)
+        distance, s = self._distances_from(a, b, j, k)
+        nearest = a + s[:, None] * (b - a)
+        curved, other_curved = self.curve[i, k] >= 0, self.curve[j, k] >= 0
+        for combination in (curved & ~other_curved, ~curved & other_curved, curved & other_curved):
+            m = np.flatnonzero(combination)
             if not len(m):
                 continue
             distance[m] = np.inf
-            own = np.stack([a[m], b[m]], axis=1)
+            polyline = np.stack([a[m], b[m]], axis=1)
             if curved[m[0]]:
-                own = self.curves[self.curve[i[m], k[m]]]
-            for start, end in pairwise(own.swapaxes(0, 1)):
-                for values, s in self._from_each(start, end, j[m], k[m], bool(other[m[0]])):
-                    nearer = values < distance[m]
-                    distance[m[nearer]] = values[nearer]
-                    place[m[nearer]] = (start + s[:, None] * (end - start))[nearer]
-        return distance, place
+                polyline = self.curves[self.curve[i[m], k[m]]]
+            for start, end in pairwise(polyline.swapaxes(0, 1)):
+                for values, s in self._distances_from_each(
+                    start, end, j[m], k[m], bool(other_curved[m[0]])
+                ):
+                    is_nearer = values < distance[m]
+                    distance[m[is_nearer]] = values[is_nearer]
+                    nearest[m[is_nearer]] = (start + s[:, None] * (end - start))[is_nearer]
+        return distance, nearest
 
-    def _from_each(
+    def _distances_from_each(
         self, a: Vec3, b: Vec3, j: Indices, k: Indices, curved: bool
     ) -> Iterator[tuple[Array, Array]]:
-        """Results of ``_from`` for cores, or for each chord of their curves."""
+        """Results of ``_distances_from`` for cores, or for each chord of their curves."""
         if not curved:
-            yield self._from(a, b, j, k)
+            yield self._distances_from(a, b, j, k)
             return
         for start, end in pairwise(self.curves[self.curve[j, k]].swapaxes(0, 1)):
             yield segment_distance(a, b, start, end)
 
-    def _from(self, a: Vec3, b: Vec3, j: Indices, k: Indices) -> tuple[Array, Array]:
+    def _distances_from(self, a: Vec3, b: Vec3, j: Indices, k: Indices) -> tuple[Array, Array]:
         """Distances of segments a to b (m, 3) from cores, and s (m,) of their nearest points."""
         distance, s = segment_distance(a, b, self.a[j, k], self.b[j, k])
         shape = self.shape[j]
@@ -181,36 +183,38 @@ class Cores:
 def _pieces(marionette: Marionette, q_D: Array, q_K: Array) -> tuple[Array, Array]:
     """Ends (n, 2, T, 3) of pieces and lengths (n, T) of slack ones, 0 of straight ones [m]."""
     ends, lengths = [], []
-    of_strings = marionette.string_lengths(q_D, q_K)
+    string_lengths = marionette.string_lengths(q_D, q_K)
     paths = marionette.string_points(q_D, q_K).values()
-    for string, points, length in zip(marionette.tree.strings, paths, of_strings.T, strict=True):
+    for string, points, length in zip(
+        marionette.tree.strings, paths, string_lengths.T, strict=True
+    ):
         spans = np.linalg.norm(np.diff(points, axis=1), axis=2)
-        whole = spans.sum(axis=1)
+        span_sum = spans.sum(axis=1)
         # Wires push too, and stay straight.
-        slack = (length > whole * MIN_SLACK) & (whole > 0.0) & (not string.wire)
-        share = np.where(slack, length, 0.0) / np.where(slack, whole, 1.0)
+        slack = (length > span_sum * MIN_SLACK) & (span_sum > 0.0) & (not string.wire)
+        stretch = np.where(slack, length, 0.0) / np.where(slack, span_sum, 1.0)
         for n, span in enumerate(spans.T):
             ends.append(points[:, n : n + 2].swapaxes(0, 1))
-            lengths.append(share * span)
+            lengths.append(stretch * span)
     T = len(q_D)
     return np.array(ends).reshape(-1, 2, T, 3), np.array(lengths).reshape(-1, T)
 
 
 def _curves(pieces: Array, lengths: Array) -> tuple[Vec3, Array, Array]:
     """Curves (n_curves, N_CHORDS + 1, 3), their indices and distances from chords (n, T)."""
-    curve, stray = np.full(lengths.shape, -1), np.zeros(lengths.shape)
+    curve, sag = np.full(lengths.shape, -1), np.zeros(lengths.shape)
     i, k = np.nonzero(lengths)
     start, end = pieces[i, 0, k], pieces[i, 1, k]
     curves = slack_curves(start, end, lengths[i, k])
-    offset, along = curves - start[:, None], end - start
-    square = np.maximum(dot(along, along), np.finfo(float).tiny)
-    s = np.clip(np.einsum("npi,ni->np", offset, along) / square[:, None], 0.0, 1.0)
-    offset -= s[..., None] * along[:, None]
+    offset, chords = curves - start[:, None], end - start
+    squared_length = np.maximum(dot(chords, chords), np.finfo(float).tiny)
+    s = np.clip(np.einsum("npi,ni->np", offset, chords) / squared_length[:, None], 0.0, 1.0)
+    offset -= s[..., None] * chords[:, None]
     max_offset = np.sqrt(np.max(dot(offset, offset), axis=1, initial=0.0))
     sags = max_offset > _MIN_SAG
     i, k = i[sags], k[sags]
-    curve[i, k], stray[i, k] = np.arange(len(i)), max_offset[sags]
-    return curves[sags], curve, stray
+    curve[i, k], sag[i, k] = np.arange(len(i)), max_offset[sags]
+    return curves[sags], curve, sag
 
 
 def _travel(points: list[Vec3]) -> Array:
@@ -222,7 +226,7 @@ def _travel(points: list[Vec3]) -> Array:
 def _travel_of_piece(ends: Vec3, curves: Vec3, curve: Indices) -> Array:
     """Result of :func:`_travel` for a piece with ends (2, T, 3) and indices of curves (T,) [m]."""
     step = np.sqrt(np.max(dot(*[np.diff(ends, axis=1)] * 2), axis=0))
-    bent = np.flatnonzero((curve[1:] >= 0) | (curve[:-1] >= 0))
+    is_curved = np.flatnonzero((curve[1:] >= 0) | (curve[:-1] >= 0))
     s = np.linspace(0.0, 1.0, N_CHORDS + 1)[:, None]
 
     def points(k: Indices) -> Vec3:
@@ -231,8 +235,10 @@ def _travel_of_piece(ends: Vec3, curves: Vec3, curve: Indices) -> Array:
         values[hangs] = curves[curve[k[hangs]]]
         return values
 
-    moved = points(bent + 1) - points(bent)
-    step[bent] = np.maximum(step[bent], np.sqrt(np.max(dot(moved, moved), axis=1, initial=0.0)))
+    steps = points(is_curved + 1) - points(is_curved)
+    step[is_curved] = np.maximum(
+        step[is_curved], np.sqrt(np.max(dot(steps, steps), axis=1, initial=0.0))
+    )
     return np.concatenate([[0.0], np.cumsum(step)])
 
 

@@ -21,7 +21,7 @@ from fantoccini.model.puppet import Obstacle
 from fantoccini.model.tree import Role, Tree
 from fantoccini.motion import State, Trajectory
 
-_MAX_TOUCH = 1e-6
+_MAX_TOUCHING_DISTANCE = 1e-6
 """Overlap or, along paths, distance up to which solids touch [m]."""
 _REL_ACCURACY = 0.01
 """Largest relative error of the least distance along a path."""
@@ -34,20 +34,20 @@ class Nearest:
     """The nearest pair of solids.
 
     Attributes:
-        what, other: names of a body, an obstacle or a string.
+        first, second: names of a body, an obstacle or a string.
         distance: distance between them [m]; negative where they overlap.
     """
 
-    what: str
-    other: str
+    first: str
+    second: str
     distance: float
 
     def __str__(self) -> str:
-        if -_MAX_TOUCH < self.distance < 0.0:  # thin solids have no depth
-            return f"{self.what} meets {self.other}"
+        if -_MAX_TOUCHING_DISTANCE < self.distance < 0.0:  # thin solids have no depth
+            return f"{self.first} meets {self.second}"
         if self.distance < 0.0:
-            return f"{self.what} is {-self.distance:.3g} m inside {self.other}"
-        return f"{self.what} is {self.distance:.3g} m from {self.other}"
+            return f"{self.first} is {-self.distance:.3g} m inside {self.second}"
+        return f"{self.first} is {self.distance:.3g} m from {self.second}"
 
 
 @dataclass(frozen=True)
@@ -113,62 +113,66 @@ class Clearance:
         self.obstacles = standing(marionette.puppet, obstacles)
         tree = marionette.tree
         self.meshes = Meshes()
-        moving, self._links = solids.moving(tree, self.meshes)
-        still = solids.standing(self.obstacles, self.meshes)
-        pairs = solids.apart(tree, self._links)
+        moving_solids, self._links = solids.moving(tree, self.meshes)
+        standing_solids = solids.standing(self.obstacles, self.meshes)
+        pairs = solids.separable_pairs(tree, self._links)
         if not self_collision:
             members = np.array(
                 [marionette.puppet.member_of(tree.links[i].name) for i in self._links]
             )
             pairs = pairs[members[pairs[:, 0]] != members[pairs[:, 1]]]
         names = [tree.links[i].name for i in self._links]
-        measured = [frozenset((names[a], names[b])) not in free for a, b in pairs]
-        pairs = pairs[np.array(measured, dtype=bool)]
-        left_out = [[frozenset((a, o.name)) in free for o in self.obstacles] for a in names]
-        left = np.array(left_out, dtype=bool).reshape(len(names), len(self.obstacles))
+        is_measured = [frozenset((names[a], names[b])) not in free for a, b in pairs]
+        pairs = pairs[np.array(is_measured, dtype=bool)]
+        left_out_rows = [[frozenset((a, o.name)) in free for o in self.obstacles] for a in names]
+        is_left_out = np.array(left_out_rows, dtype=bool).reshape(len(names), len(self.obstacles))
         # A rail that stands on the floor is no collision: nothing moves either.
-        left[[not _can_move(tree, i) for i in self._links]] = True
-        radius = string_radius if strings and len(still) else -1.0
+        is_left_out[[not _can_move(tree, i) for i in self._links]] = True
+        string_radius_or_none = string_radius if strings and len(standing_solids) else -1.0
         exact = self.meshes.distance if len(self.meshes) else None
-        radii = np.full(len(tree.strings), radius)
-        self.solids = Solids(moving, still, pairs, left, radii, *moved_by(tree), exact)
+        radii = np.full(len(tree.strings), string_radius_or_none)
+        self.solids = Solids(
+            moving_solids, standing_solids, pairs, is_left_out, radii, *moved_by(tree), exact
+        )
 
     @property
     def measures_nothing(self) -> bool:
         """Whether there is no pair to measure."""
         strings = int(np.sum(self.solids.string_radius >= 0.0))
-        of_obstacles = len(self.solids.standing) * strings + int(np.sum(~self.solids.left_out))
-        return not of_obstacles and not len(self.solids.pairs)
+        n_obstacle_pairs = len(self.solids.standing) * strings + int(np.sum(~self.solids.left_out))
+        return not n_obstacle_pairs and not len(self.solids.pairs)
 
     def parts(self) -> dict[str, Clearance]:
         """Clearance of every body and string, by name; the puppet's clearance is their minimum.
 
         Pairs of bodies are measured with the second one. Parts without pairs are omitted.
         """
-        whole, solids_by_name = self.solids, {}
+        all_solids, solids_by_name = self.solids, {}
         names = [self.marionette.tree.links[i].name for i in self._links]
-        never = np.full_like(whole.string_radius, -1.0)
+        no_radii = np.full_like(all_solids.string_radius, -1.0)
         for name in dict.fromkeys(names):
-            own = np.array([other == name for other in names])
+            is_own = np.array([link_name == name for link_name in names])
             solids_by_name[name] = replace(
-                whole,
-                pairs=whole.pairs[own[whole.pairs[:, 0]]],
-                left_out=whole.left_out | ~own[:, None],
-                string_radius=never,
+                all_solids,
+                pairs=all_solids.pairs[is_own[all_solids.pairs[:, 0]]],
+                left_out=all_solids.left_out | ~is_own[:, None],
+                string_radius=no_radii,
             )
         for i, string in enumerate(self.marionette.tree.strings):
-            radius = np.where(np.arange(len(never)) == i, whole.string_radius, -1.0)
+            radius = np.where(np.arange(len(no_radii)) == i, all_solids.string_radius, -1.0)
             solids_by_name[f"string {string.name}"] = replace(
-                whole,
-                pairs=whole.pairs[:0],
-                left_out=np.ones_like(whole.left_out),
+                all_solids,
+                pairs=all_solids.pairs[:0],
+                left_out=np.ones_like(all_solids.left_out),
                 string_radius=radius,
             )
         parts = {}
-        for name, solids_of_one in solids_by_name.items():
+        for name, part_solids in solids_by_name.items():
             parts[name] = copy(self)
-            parts[name].solids = solids_of_one
-        return {name: part for name, part in parts.items() if not part.measures_nothing}
+            parts[name].solids = part_solids
+        return {
+            name: clearance for name, clearance in parts.items() if not clearance.measures_nothing
+        }
 
     def at(self, q_D: Array, q_K: Array, threads: int = 1) -> Array:
         """Clearances of configurations.
@@ -198,40 +202,46 @@ class Clearance:
 
         The error is at most 1 %. Solids nearer than a micrometre count as touching.
         """
-        path = motion if isinstance(motion, Path) else Path.of(self.marionette, motion)
-        best = LeastDistance(np.inf, float(path.t[0]), path.q_D[0], path.q_K[0])
+        path = motion if isinstance(motion, Path) else Path.from_run(self.marionette, motion)
+        least = LeastDistance(np.inf, float(path.t[0]), path.q_D[0], path.q_K[0])
 
-        def criterion(at: Places, distance: Array, lower: Array) -> Indices:
-            nonlocal best
+        def criterion(places: Places, distance: Array, lower_bound: Array) -> Indices:
+            nonlocal least
             k = int(np.argmin(np.nan_to_num(distance, nan=np.inf)))
-            if distance[k] < best.distance:
-                best = LeastDistance(float(distance[k]), float(at.t[k]), at.q_D[k], at.q_K[k])
+            if distance[k] < least.distance:
+                least = LeastDistance(
+                    float(distance[k]), float(places.t[k]), places.q_D[k], places.q_K[k]
+                )
             # Depths of overlaps are not refined: any overlap is a collision.
-            tolerance = max(_REL_ACCURACY * best.distance, _MAX_TOUCH)
-            return np.flatnonzero((best.distance >= 0.0) & (lower < best.distance - tolerance))
+            tolerance = max(_REL_ACCURACY * least.distance, _MAX_TOUCHING_DISTANCE)
+            return np.flatnonzero(
+                (least.distance >= 0.0) & (lower_bound < least.distance - tolerance)
+            )
 
         advance(path, self.bounded, criterion)
-        if 0.0 <= best.distance < _MAX_TOUCH:
-            best = replace(best, distance=best.distance - _MAX_TOUCH)
-        return best
+        if 0.0 <= least.distance < _MAX_TOUCHING_DISTANCE:
+            least = replace(least, distance=least.distance - _MAX_TOUCHING_DISTANCE)
+        return least
 
-    def distances_along(self, path: Path, within: float) -> tuple[Places, Array]:
+    def distances_along(self, path: Path, max_distance: float) -> tuple[Places, Array]:
         """Distances at the samples of a path, and between them where they are less than a limit.
 
         Args:
             path: path of the puppet.
-            within: limit [m]; shortfalls of up to 0.1 mm may remain undetected.
+            max_distance: limit [m]; shortfalls of up to 0.1 mm may remain undetected.
 
         Returns:
             The places (m,) in order of time, and the distances there (m,) [m].
         """
         measured = list[tuple[Places, Array]]()
 
-        def criterion(at: Places, distance: Array, lower: Array) -> Indices:
-            selected = (distance < within) | (at.s == 0.0)
+        def criterion(at: Places, distance: Array, lower_bound: Array) -> Indices:
+            selected = (distance < max_distance) | (at.s == 0.0)
             measured.append((at.subset(selected), distance[selected]))
-            beyond = distance >= within
-            return np.flatnonzero(beyond & (lower < np.minimum(within, distance - _MAX_SHORTFALL)))
+            is_beyond = distance >= max_distance
+            return np.flatnonzero(
+                is_beyond & (lower_bound < np.minimum(max_distance, distance - _MAX_SHORTFALL))
+            )
 
         advance(path, self.bounded, criterion)
         at = Places(*map(np.concatenate, zip(*(places for places, _ in measured), strict=True)))
@@ -247,14 +257,14 @@ class Clearance:
         if self.measures_nothing:
             return None
         if isinstance(motion, Trajectory):
-            closest = self.least(motion)
-            return replace(self.pair_at(closest.q_D, closest.q_K), distance=closest.distance)
+            least = self.least(motion)
+            return replace(self.pair_at(least.q_D, least.q_K), distance=least.distance)
         q_D, q_K = (np.atleast_2d(q) for q in _configurations(motion))
         distance, _, pair = self._measured(q_D, q_K, 1)
         if not np.any(pair >= 0):
             return None
-        worst = int(np.nanargmin(distance))
-        return self.pair_at(q_D[worst], q_K[worst])
+        nearest_configuration = int(np.nanargmin(distance))
+        return self.pair_at(q_D[nearest_configuration], q_K[nearest_configuration])
 
     def pair_at(self, q_D: Array, q_K: Array) -> Nearest:
         """The nearest pair in a configuration (n_qD,), (n_qK,).
@@ -265,7 +275,7 @@ class Clearance:
         distance, _, pair = self._measured(q_D, q_K, 1)
         if pair < 0:
             raise ValueError("no pair is measured")
-        return Nearest(*self._named(int(pair)), float(distance))
+        return Nearest(*self._pair_names(int(pair)), float(distance))
 
     def bounded(self, q_D: Array, q_K: Array, moves: Moves) -> tuple[Array, Array]:
         """Distances at configurations, and lower bounds of the distances on moves about them."""
@@ -281,33 +291,37 @@ class Clearance:
                 f"q_D and q_K have the shapes {q_D.shape} and {q_K.shape}; they must end in "
                 f"{table.n_qD} and {table.n_qK}"
             )
-        lead = np.broadcast_shapes(q_D.shape[:-1], q_K.shape[:-1])
-        if self.measures_nothing or 0 in lead:
-            return np.full(lead, np.inf), np.full(lead, np.inf), np.full(lead, -1)
-        n = int(np.prod(lead))
+        shape = np.broadcast_shapes(q_D.shape[:-1], q_K.shape[:-1])
+        if self.measures_nothing or 0 in shape:
+            return np.full(shape, np.inf), np.full(shape, np.inf), np.full(shape, -1)
+        n = int(np.prod(shape))
         q_D, q_K = (
-            np.broadcast_to(a, (*lead, a.shape[-1])).reshape(n, a.shape[-1]) for a in (q_D, q_K)
+            np.broadcast_to(a, (*shape, a.shape[-1])).reshape(n, a.shape[-1]) for a in (q_D, q_K)
         )
-        distance, lower, pair = self.marionette.libraries.clearances.measure(
+        distance, lower_bound, pair = self.marionette.libraries.clearances.measure(
             self.solids, q_D, q_K, self.marionette.p, threads, moves
         )
         finite = np.isfinite(q_D).all(axis=1) & np.isfinite(q_K).all(axis=1)
-        distance, lower = (np.where(finite, x, np.nan).reshape(lead) for x in (distance, lower))
-        return distance, lower, pair.reshape(lead)
+        distance, lower_bound = (
+            np.where(finite, x, np.nan).reshape(shape) for x in (distance, lower_bound)
+        )
+        return distance, lower_bound, pair.reshape(shape)
 
-    def _named(self, pair: int) -> tuple[str, str]:
+    def _pair_names(self, pair: int) -> tuple[str, str]:
         """Names of the two solids of a pair."""
-        tree, still = self.marionette.tree, [o.name for o in self.obstacles]
-        moving = [tree.links[i].name for i in self._links]
-        if pair < len(moving) * len(still):
-            return moving[pair // len(still)], still[pair % len(still)]
-        pair -= len(moving) * len(still)
+        tree, obstacle_names = self.marionette.tree, [o.name for o in self.obstacles]
+        body_names = [tree.links[i].name for i in self._links]
+        if pair < len(body_names) * len(obstacle_names):
+            return body_names[pair // len(obstacle_names)], obstacle_names[
+                pair % len(obstacle_names)
+            ]
+        pair -= len(body_names) * len(obstacle_names)
         if pair < len(self.solids.pairs):
             a, b = self.solids.pairs[pair]
-            return moving[a], moving[b]
+            return body_names[a], body_names[b]
         pair -= len(self.solids.pairs)
         segments = [f"string {s.name}" for s in tree.strings for _ in s.points[1:]]
-        return segments[pair // len(still)], still[pair % len(still)]
+        return segments[pair // len(obstacle_names)], obstacle_names[pair % len(obstacle_names)]
 
 
 def _configurations(motion: State | Trajectory | Sequence[State]) -> tuple[Array, Array]:

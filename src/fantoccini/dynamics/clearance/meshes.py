@@ -68,7 +68,7 @@ class Meshes:
         low, high = mesh.bounds
         centre, half = (low + high) / 2, (high - low) / 2
         mesh.apply_translation(-centre)
-        self._bodies.append(_Body.of(mesh))
+        self._bodies.append(_Body.from_mesh(mesh))
         for a in (centre, mesh.vertices, mesh.faces):
             self._digest.update(np.ascontiguousarray(a).tobytes())
         return len(self._bodies) - 1, centre, half
@@ -141,22 +141,22 @@ class _Body:
     inside: _InsideTest | None
 
     @classmethod
-    def of(cls, mesh: Any) -> _Body:
+    def from_mesh(cls, mesh: Any) -> _Body:
         import coal
         from trimesh.graph import connected_component_labels
 
-        label = connected_component_labels(mesh.face_adjacency, node_count=len(mesh.faces))
-        first = np.unique(label, return_index=True)[1]
-        points = np.array(mesh.vertices[mesh.faces[first, 0]])
+        component = connected_component_labels(mesh.face_adjacency, node_count=len(mesh.faces))
+        first_faces = np.unique(component, return_index=True)[1]
+        points = np.array(mesh.vertices[mesh.faces[first_faces, 0]])
         hull = mesh.convex_hull if mesh.is_volume else mesh
-        if hull is not mesh and _convex(mesh, hull):
+        if hull is not mesh and _is_convex(mesh, hull):
             geometry = coal.Convex(_corners(hull), _triangles(hull))
             return cls(geometry, np.array(hull.vertices), points, None)
         geometry = coal.BVHModelOBBRSS()
         geometry.beginModel(len(mesh.faces), len(mesh.vertices))
         geometry.addSubModel(_corners(mesh), _triangles(mesh))
         geometry.endModel()
-        inside = _InsideTest(np.array(mesh.triangles)) if _closed(mesh.edges) else None
+        inside = _InsideTest(np.array(mesh.triangles)) if _is_closed(mesh.edges) else None
         return cls(geometry, np.array(hull.vertices), points, inside)
 
 
@@ -180,16 +180,16 @@ class _InsideTest:
         (x, y, z), (x_low, y_low, z_low, x_high, y_high, z_high) = point.tolist(), self._box
         if not (x_low <= x <= x_high and y_low <= y <= y_high and z_low <= z <= z_high):
             return False
-        near = (self._low[:, :2] <= point[:2]) & (point[:2] <= self._high[:, :2])
-        (candidates,) = np.nonzero(near.all(axis=1) & (self._high[:, 2] >= point[2]))
+        is_near = (self._low[:, :2] <= point[:2]) & (point[:2] <= self._high[:, :2])
+        (candidates,) = np.nonzero(is_near.all(axis=1) & (self._high[:, 2] >= point[2]))
         corners, normal = self._corners[candidates], self._normal[candidates]
         # In the x-y plane, a ray from inside a triangle crosses one edge, others none or two.
-        crosses_odd = np.zeros(len(candidates), dtype=bool)
+        crosses_odd_edges = np.zeros(len(candidates), dtype=bool)
         for k in range(3):
-            crosses_odd ^= _ray_crosses(point, corners[:, k], corners[:, (k + 1) % 3])
+            crosses_odd_edges ^= _ray_crosses(point, corners[:, k], corners[:, (k + 1) % 3])
         height = np.einsum("ni,ni->n", corners[:, 0] - point, normal)
         sign = np.sign(normal[:, 2])
-        return bool(np.sum(sign[crosses_odd & (height * sign > 0.0)]))
+        return bool(np.sum(sign[crosses_odd_edges & (height * sign > 0.0)]))
 
 
 def _ray_crosses(point: Array, a: Array, b: Array) -> MaskRows:
@@ -198,21 +198,21 @@ def _ray_crosses(point: Array, a: Array, b: Array) -> MaskRows:
     The result does not depend on the order of a and b, so that a point on the edge of two triangles
     counts for one of them only.
     """
-    swapped = (a[:, 1] > b[:, 1])[:, None]
-    low, high = np.where(swapped, b, a), np.where(swapped, a, b)
-    passes = (low[:, 1] <= point[1]) & (point[1] < high[:, 1])
-    rise = np.where(passes, high[:, 1] - low[:, 1], 1.0)
-    x = low[:, 0] + (point[1] - low[:, 1]) * (high[:, 0] - low[:, 0]) / rise
-    return passes & (point[0] < x)
+    is_downward = (a[:, 1] > b[:, 1])[:, None]
+    lower, upper = np.where(is_downward, b, a), np.where(is_downward, a, b)
+    spans_height = (lower[:, 1] <= point[1]) & (point[1] < upper[:, 1])
+    rise = np.where(spans_height, upper[:, 1] - lower[:, 1], 1.0)
+    x = lower[:, 0] + (point[1] - lower[:, 1]) * (upper[:, 0] - lower[:, 0]) / rise
+    return spans_height & (point[0] < x)
 
 
-def _closed(edges: np.ndarray) -> bool:
+def _is_closed(edges: np.ndarray) -> bool:
     """Whether directed edges (n, 2) of triangles cancel out."""
     edge_index = np.unique(np.sort(edges, axis=1), axis=0, return_inverse=True)[1]
     return not np.bincount(edge_index.ravel(), np.where(edges[:, 0] < edges[:, 1], 1, -1)).any()
 
 
-def _convex(mesh: Any, hull: Any) -> bool:
+def _is_convex(mesh: Any, hull: Any) -> bool:
     """Whether a closed mesh is its convex hull up to a tolerance."""
     tolerance = _TOLERANCES.convexity
     if mesh.body_count != 1 or np.max(mesh.face_adjacency_projections) > tolerance * mesh.scale:

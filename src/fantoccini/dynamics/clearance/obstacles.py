@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field, field_validator
 
 from fantoccini.base import FileError, Mistake
-from fantoccini.base.documents import Located, Model, Name, Vector, mistake, validate
+from fantoccini.base.documents import Located, Model, Name, Vector, validate, validation_error
 from fantoccini.model.puppet import WORDS, AnyObstacle, Obstacle, Puppet
 
 
@@ -26,10 +26,10 @@ class HalfSpace(Model):
 
     @field_validator("normal")
     @classmethod
-    def _of_unit_length(cls, normal: tuple[float, float, float]) -> tuple[float, ...]:
+    def _normalise(cls, normal: tuple[float, float, float]) -> tuple[float, ...]:
         size = float(np.linalg.norm(normal))
         if size == 0.0:
-            raise mistake("found the zero vector; needed: a direction")
+            raise validation_error("found the zero vector; needed: a direction")
         return tuple(float(x) / size for x in normal)
 
 
@@ -37,7 +37,7 @@ Standing = Annotated[AnyObstacle | HalfSpace, Field(discriminator="type")]
 """An obstacle of a puppet file, or a half-space."""
 
 
-class _Listed(Model):
+class _Obstacles(Model):
     obstacles: tuple[Standing, ...]
 
 
@@ -55,19 +55,19 @@ def standing(
     Raises:
         FileError: a mapping is not an obstacle, or a name is used twice.
     """
-    entries = [dict(o) if isinstance(o, Mapping) else o for o in obstacles]
-    for k, o in enumerate(entries):
+    unchecked = [dict(o) if isinstance(o, Mapping) else o for o in obstacles]
+    for k, o in enumerate(unchecked):
         if not isinstance(o, (Obstacle, HalfSpace, dict)):
             text = f"found {o!r}; needed: a mapping of keys and values, or an obstacle"
             raise FileError([Mistake("<python>", None, f"obstacles[{k}]", text)])
-    described = [o for o in entries if isinstance(o, dict)]
-    validated = iter(validate(_Listed, Located({"obstacles": described}), words=WORDS).obstacles)
-    additional = [next(validated) if isinstance(o, dict) else o for o in entries]
+    mappings = [o for o in unchecked if isinstance(o, dict)]
+    validated = iter(validate(_Obstacles, Located({"obstacles": mappings}), words=WORDS).obstacles)
+    additional = [next(validated) if isinstance(o, dict) else o for o in unchecked]
     floor = [] if puppet.floor is None else [HalfSpace(name="floor", at=(0.0, 0.0, puppet.floor))]
-    every = (*puppet.obstacles, *floor, *additional)
-    names = [o.name for o in every]
-    twice = sorted({name for name in names if names.count(name) > 1})
-    if twice:
-        text = f"the names {', '.join(twice)} are used twice; obstacles differ in name"
+    all_obstacles = (*puppet.obstacles, *floor, *additional)
+    names = [o.name for o in all_obstacles]
+    duplicates = sorted({name for name in names if names.count(name) > 1})
+    if duplicates:
+        text = f"the names {', '.join(duplicates)} are used twice; obstacles differ in name"
         raise FileError([Mistake("<python>", None, "obstacles", text)])
-    return every
+    return all_obstacles

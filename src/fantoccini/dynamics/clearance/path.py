@@ -77,7 +77,7 @@ class Path:
         }
 
     @classmethod
-    def of(cls, marionette: Marionette, run: Trajectory, every: int = 1) -> Path:
+    def from_run(cls, marionette: Marionette, run: Trajectory, every: int = 1) -> Path:
         """The path of a run, or with ``every`` > 1 straight lines between some of its samples."""
         t, q_D, q_K = run.t[::every], run.q_D[::every], run.q_K[::every]
         if run.method != "event" or every > 1:
@@ -89,24 +89,24 @@ class Path:
 
     def part(self, begin: int, end: int) -> Path:
         """The path from sample ``begin`` up to, but not including, ``end``."""
-        part = slice(begin, end)
+        samples = slice(begin, end)
         rates = None
         if self._rates is not None:
             v_D, acc_D, v_K, acc_K = self._rates
-            rates = v_D[part], acc_D[part], v_K[part], acc_K[part]
-        return Path(self.marionette, self.t[part], self.q_D[part], self.q_K[part], rates)
+            rates = v_D[samples], acc_D[samples], v_K[samples], acc_K[samples]
+        return Path(self.marionette, self.t[samples], self.q_D[samples], self.q_K[samples], rates)
 
     def at(self, piece: Indices, s: Array) -> tuple[Array, Array]:
         """Configurations q_D, q_K (m, ...) in pieces (m,), s (m,) after their starts [s]."""
         configuration = []
         for role, samples in self._samples.items():
-            value = polynomial.evaluate(self._coef[role][piece], s[:, None])[0]
+            values = polynomial.evaluate(self._coef[role][piece], s[:, None])[0]
             q = samples.q[piece].copy()
             for i, v in samples.scalars:
-                q[:, i] = value[:, v]
+                q[:, i] = values[:, v]
             for i, v in samples.quaternions:
                 wxyz = slice(i, i + 4)
-                q[:, wxyz] = rotation.multiply(q[:, wxyz], rotation.exp(value[:, v : v + 3]))
+                q[:, wxyz] = rotation.multiply(q[:, wxyz], rotation.exp(values[:, v : v + 3]))
             configuration.append(q)
         return configuration[0], configuration[1]
 
@@ -125,57 +125,61 @@ class Path:
             for role, coef in self._coef.items()
         }
         m = len(piece)
-        slide, turn = np.zeros((2, m, len(tree.links)))
+        translation, rotation_ = np.zeros((2, m, len(tree.links)))
         for i, link in enumerate(tree.links):
             n_v = link.v.stop - link.v.start
             if not n_v:
                 continue
             joint_steps = steps[link.role][:, link.v]
-            n_turns = {"revolute": 1, "ball": 3, "free": 3}.get(link.kind, 0)
-            n_slides = n_v - n_turns
-            for out, part in (
-                (slide, joint_steps[:, :n_slides]),
-                (turn, joint_steps[:, n_slides:]),
+            n_rotations = {"revolute": 1, "ball": 3, "free": 3}.get(link.kind, 0)
+            n_translations = n_v - n_rotations
+            for travel, steps_of_kind in (
+                (translation, joint_steps[:, :n_translations]),
+                (rotation_, joint_steps[:, n_translations:]),
             ):
-                out[:, i] = np.sqrt(np.einsum("mvk,mvk->mk", part, part)).sum(axis=1)
-        wound = np.zeros((m, len(tree.strings)))
-        for i, string in enumerate(tree.strings):
-            if string.length_index is not None:
-                wound[:, i] = np.abs(steps[string.length_role][:, string.length_index[1]]).sum(
+                travel[:, i] = np.sqrt(np.einsum("mvk,mvk->mk", steps_of_kind, steps_of_kind)).sum(
                     axis=1
                 )
-        return Moves(slide, turn, wound, self._slack_factors[piece])
+        wound_length = np.zeros((m, len(tree.strings)))
+        for i, string in enumerate(tree.strings):
+            if string.length_index is not None:
+                wound_length[:, i] = np.abs(
+                    steps[string.length_role][:, string.length_index[1]]
+                ).sum(axis=1)
+        return Moves(translation, rotation_, wound_length, self._slack_factors[piece])
 
     @cached_property
     def _slack_factors(self) -> Array:
         """(T - 1, n_strings) 1.0 for strings that are slack at an end of a piece, else 0.0."""
         marionette = self.marionette
         lengths = marionette.string_lengths(self.q_D, self.q_K)
-        slack = np.zeros(lengths.shape, dtype=bool)
+        is_slack = np.zeros(lengths.shape, dtype=bool)
         for i, points in enumerate(marionette.string_points(self.q_D, self.q_K).values()):
-            span = np.linalg.norm(np.diff(points, axis=1), axis=2).sum(axis=1)
+            path_length = np.linalg.norm(np.diff(points, axis=1), axis=2).sum(axis=1)
             wire = marionette.tree.strings[i].wire
-            slack[:, i] = (lengths[:, i] > span * MIN_SLACK) & (not wire)
-        return np.array(slack[1:] | slack[:-1], dtype=float)
+            is_slack[:, i] = (lengths[:, i] > path_length * MIN_SLACK) & (not wire)
+        return np.array(is_slack[1:] | is_slack[:-1], dtype=float)
 
     @cached_property
     def midpoint_bounds(self) -> Moves:
         """Bounds (T, ...) of the moves from each sample to the middles of its adjacent pieces."""
-        pieces, half = np.arange(len(self.h)), 0.5 * self.h
-        before = self.move_bounds(pieces, half, self.h)
-        after = self.move_bounds(pieces, np.zeros_like(half), half)
+        pieces, half_h = np.arange(len(self.h)), 0.5 * self.h
+        before = self.move_bounds(pieces, half_h, self.h)
+        after = self.move_bounds(pieces, np.zeros_like(half_h), half_h)
         bounds = []
-        for early, late in zip(before, after, strict=True):
-            zeros = np.zeros((1, early.shape[1]))
-            bounds.append(np.maximum(np.concatenate([late, zeros]), np.concatenate([zeros, early])))
+        for to_end, from_start in zip(before, after, strict=True):
+            zeros = np.zeros((1, to_end.shape[1]))
+            bounds.append(
+                np.maximum(np.concatenate([from_start, zeros]), np.concatenate([zeros, to_end]))
+            )
         return Moves(*bounds)
 
 
 def _polynomials(h: Array, samples: _Samples) -> Array:
     """Coefficients (T - 1, n_v, 6) of scalars, and of rotation vectors from the left samples."""
-    T, moving = len(h) + 1, h > 0.0
+    T, has_duration = len(h) + 1, h > 0.0
     coef = np.zeros((T - 1, samples.n_v, polynomial.N_COEF))
-    step = np.where(moving, h, 1.0)[:, None]
+    step = np.where(has_duration, h, 1.0)[:, None]
     for i, v in samples.scalars:
         q = samples.q[:, i]
         if samples.v is None or samples.acc is None:
@@ -184,21 +188,21 @@ def _polynomials(h: Array, samples: _Samples) -> Array:
             rate, acc = samples.v[:, v], samples.acc[:, v]
             start, end = (q[:-1], rate[:-1], acc[:-1]), (q[1:], rate[1:], acc[1:])
             coef[:, v] = polynomial.hermite(step[:, 0], start, end)
-        coef[~moving, v, 1:] = 0.0
+        coef[~has_duration, v, 1:] = 0.0
     for i, v in samples.quaternions:
         wxyz, columns = slice(i, i + 4), slice(v, v + 3)
-        turn = rotation.between(samples.q[:-1, wxyz], samples.q[1:, wxyz])
+        rotation_vector = rotation.between(samples.q[:-1, wxyz], samples.q[1:, wxyz])
         if samples.v is None or samples.acc is None:
-            coef[:, columns, 1] = turn / step
+            coef[:, columns, 1] = rotation_vector / step
         else:
             rate, rate_change = rotation.tangent_motion(
-                turn, samples.v[1:, columns], samples.acc[1:, columns]
+                rotation_vector, samples.v[1:, columns], samples.acc[1:, columns]
             )
-            zeros = np.zeros_like(turn)
+            zeros = np.zeros_like(rotation_vector)
             coef[:, columns] = polynomial.hermite(
                 step,
                 (zeros, samples.v[:-1, columns], samples.acc[:-1, columns]),
-                (turn, rate, rate_change),
+                (rotation_vector, rate, rate_change),
             )
-        coef[~moving, columns] = 0.0
+        coef[~has_duration, columns] = 0.0
     return coef

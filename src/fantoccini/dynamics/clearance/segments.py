@@ -46,8 +46,8 @@ def segment_distance(a: Vec3, b: Vec3, c: Vec3, d: Vec3) -> tuple[Array, Array]:
     uu, vv, uv = dot(u, u) + tiny, dot(v, v) + tiny, dot(u, v)
     wu, wv = dot(w, u), dot(w, v)
     determinant = uu * vv - uv * uv
-    skew = determinant > _TOLERANCES.min_determinant * (uu * vv)  # not parallel
-    s = np.where(skew, (uv * wv - vv * wu) / np.where(skew, determinant, 1.0), 0.0)
+    is_skew = determinant > _TOLERANCES.min_determinant * (uu * vv)  # not parallel
+    s = np.where(is_skew, (uv * wv - vv * wu) / np.where(is_skew, determinant, 1.0), 0.0)
     # The point of segment c-d nearest to that on a-b; then the point of a-b nearest to it.
     t = np.clip((uv * np.clip(s, 0.0, 1.0) + wv) / vv, 0.0, 1.0)
     s = np.clip((uv * t - wu) / uu, 0.0, 1.0)
@@ -80,15 +80,15 @@ def distance_from_box(a: Vec3, b: Vec3, half: Vec3) -> tuple[Array, Array]:
     # Bracket of the zero, and the derivative at its ends.
     low, high = np.zeros(len(a)), np.ones(len(a))
     slope_low, slope_high = half_derivative(low), half_derivative(high)
-    meets_planes = np.abs(d) > _TOLERANCES.min_length
-    divisor = np.where(meets_planes, d, 1.0)
+    crosses_planes = np.abs(d) > _TOLERANCES.min_length
+    divisor = np.where(crosses_planes, d, 1.0)
     for k, side in itertools.product(range(3), (-1.0, 1.0)):
         t = (side * half[:, k] - a[:, k]) / divisor[:, k]
-        is_inside = meets_planes[:, k] & (t > low) & (t < high)
+        is_inside = crosses_planes[:, k] & (t > low) & (t < high)
         slope = half_derivative(t)
-        below, above = is_inside & (slope < 0.0), is_inside & (slope >= 0.0)
-        low, slope_low = np.where(below, t, low), np.where(below, slope, slope_low)
-        high, slope_high = np.where(above, t, high), np.where(above, slope, slope_high)
+        is_below, is_above = is_inside & (slope < 0.0), is_inside & (slope >= 0.0)
+        low, slope_low = np.where(is_below, t, low), np.where(is_below, slope, slope_low)
+        high, slope_high = np.where(is_above, t, high), np.where(is_above, slope, slope_high)
     has_zero = (slope_low < 0.0) & (slope_high > 0.0)
     zero = low - slope_low * (high - low) / np.where(has_zero, slope_high - slope_low, 1.0)
     t = np.where(has_zero, zero, np.where(slope_low < 0.0, high, low))
@@ -131,12 +131,12 @@ def slack_curves(start: Vec3, end: Vec3, length: Array) -> Vec3:
         Points (n, N_CHORDS + 1, 3) in equal horizontal steps [m]. No chord is farther from the
         curve than w / N_CHORDS, with w the horizontal distance of the ends.
     """
-    between = end - start
-    a, arc_start, arc_end = catenary(between, length)
-    first, last = np.arcsinh(arc_start / a), np.arcsinh(arc_end / a)
-    steps = np.linspace(0.0, 1.0, N_CHORDS + 1)
-    height = np.cosh(first[:, None] + (last - first)[:, None] * steps)
-    points = start[:, None] + steps[:, None] * between[:, None]
+    chord = end - start
+    a, arc_start, arc_end = catenary(chord, length)
+    u_start, u_end = np.arcsinh(arc_start / a), np.arcsinh(arc_end / a)
+    shares = np.linspace(0.0, 1.0, N_CHORDS + 1)
+    height = np.cosh(u_start[:, None] + (u_end - u_start)[:, None] * shares)
+    points = start[:, None] + shares[:, None] * chord[:, None]
     points[..., 2] = start[:, None, 2] + a[:, None] * (height - height[:, :1])
     points[:, -1] = end
     return points

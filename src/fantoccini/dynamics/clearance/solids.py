@@ -39,7 +39,7 @@ def standing(obstacles: tuple[Obstacle | HalfSpace, ...], meshes: Meshes) -> np.
     return solids.stacked([solid(o, WORLD, meshes) for o in obstacles])
 
 
-def apart(tree: Tree, links: list[int]) -> np.ndarray:
+def separable_pairs(tree: Tree, links: list[int]) -> np.ndarray:
     """Pairs (n, 2) of solids on bodies that no joint connects.
 
     Args:

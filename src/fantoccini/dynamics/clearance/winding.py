@@ -45,23 +45,23 @@ class Crossing:
     """A string that passes through another.
 
     Attributes:
-        what, other: names of the strings.
+        first, second: names of the strings.
         t: time [s], for ends that move uniformly between the samples.
         place: (3,) place of the crossing [m].
-        turn: 1 where the upper part of ``other`` goes on round ``what`` to the left, seen from
+        turn: 1 where the upper part of ``second`` goes on round ``first`` to the left, seen from
             above, -1 to the right, 0 where both move in one plane. The crossing adds it to the
             difference between ``turns`` and ``seen`` of their :class:`Winding`.
     """
 
-    what: str
-    other: str
+    first: str
+    second: str
     t: float
     place: tuple[float, float, float]
     turn: int
 
     def __str__(self) -> str:
-        at = ", ".join(f"{x:.3g}" for x in self.place)
-        return f"string {self.what} crosses {self.other} at t = {self.t:.4g} s, ({at})"
+        coordinates = ", ".join(f"{x:.3g}" for x in self.place)
+        return f"string {self.first} crosses {self.second} at t = {self.t:.4g} s, ({coordinates})"
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,13 +75,13 @@ class Winding:
     all times without crossings. Each crossing adds a turn, in its sense, to the difference.
 
     Attributes:
-        what, other: names of the strings.
+        first, second: names of the strings.
         turns: (T,) w; positive to the left, seen from above.
         seen: (T,) angle that the strings sweep from bottom to top [turns].
     """
 
-    what: str
-    other: str
+    first: str
+    second: str
     turns: Array
     seen: Array
 
@@ -96,23 +96,23 @@ def crossings(cores: Cores, t: Times, pairs: StringPairs) -> tuple[Crossing, ...
     """
     pair, k = search(
         cores.chords(),
-        pairs.of_strings,
+        pairs.string_string_pairs,
         lambda pair, _k: np.full(len(pair), _TOLERANCES.meeting_distance),
     )
-    moving = k + 1 < len(t)
-    pair, k = pair[moving], k[moving]
-    i, j = pairs.of_strings.i[pair], pairs.of_strings.j[pair]
-    ends = np.array([end[core, k] for core in (i, j) for end in (cores.a, cores.b)])
-    after = np.array([end[core, k + 1] for core in (i, j) for end in (cores.a, cores.b)])
-    step = _Step(ends, after)
+    has_next = k + 1 < len(t)
+    pair, k = pair[has_next], k[has_next]
+    i, j = pairs.string_string_pairs.i[pair], pairs.string_string_pairs.j[pair]
+    ends_before = np.array([end[core, k] for core in (i, j) for end in (cores.a, cores.b)])
+    ends_after = np.array([end[core, k + 1] for core in (i, j) for end in (cores.a, cores.b)])
+    steps = _Step(ends_before, ends_after)
     results = []
-    for which, s, turn in (step.passages(), step.meetings_in_plane()):
-        place = step.part(which).places(s)
-        when = t[k[which]] + s * (t[k[which] + 1] - t[k[which]])
-        for n, m in enumerate(which):
-            what, other = pairs.names[pairs.of_strings.group[pair[m]]]
-            x, y, z = place[n].tolist()
-            results.append(Crossing(what, other, float(when[n]), (x, y, z), int(turn[n])))
+    for selected, s, turn in (steps.passages(), steps.meetings_in_plane()):
+        places = steps.part(selected).places(s)
+        times = t[k[selected]] + s * (t[k[selected] + 1] - t[k[selected]])
+        for n, m in enumerate(selected):
+            first, second = pairs.names[pairs.string_string_pairs.group[pair[m]]]
+            x, y, z = places[n].tolist()
+            results.append(Crossing(first, second, float(times[n]), (x, y, z), int(turn[n])))
     return tuple(sorted(results, key=lambda crossing: crossing.t))
 
 
@@ -132,7 +132,7 @@ class _Step:
 
     def volume(self, s: Array) -> Array:
         """Spanned volume f (n,) [m^3]."""
-        return _volume(*self.at(s))
+        return _spanned_volume(*self.at(s))
 
     def distance(self, s: Array) -> Array:
         """Distances (n,) of the pieces [m]."""
@@ -151,10 +151,12 @@ class _Step:
         du, dv, dw = np.array([b - a, d - c, c - a]) - x
         return np.array(
             [
-                _product(u, v, w),
-                _product(du, v, w) + _product(u, dv, w) + _product(u, v, dw),
-                _product(u, dv, dw) + _product(du, v, dw) + _product(du, dv, w),
-                _product(du, dv, dw),
+                _triple_product(u, v, w),
+                _triple_product(du, v, w) + _triple_product(u, dv, w) + _triple_product(u, v, dw),
+                _triple_product(u, dv, dw)
+                + _triple_product(du, v, dw)
+                + _triple_product(du, dv, w),
+                _triple_product(du, dv, dw),
             ]
         )
 
@@ -177,37 +179,43 @@ class _Step:
             root = np.sqrt(c2 * c2 - 3.0 * c1 * c3)
             q = -c2 - np.where(c2 < 0.0, -1.0, 1.0) * root
             extremes = np.array([q / (3.0 * c3), c1 / q])
-        inner = np.sort(np.where((extremes > 0.0) & (extremes < 1.0), extremes, 1.0), axis=0)
-        marks = np.concatenate([np.zeros((1, len(c1))), inner, np.ones((1, len(c1)))])
-        above = np.array([self.volume(s) >= 0.0 for s in marks])
-        above[:, self.in_plane()] = True
-        piece, which = np.nonzero(above[1:] != above[:-1])
-        part = self.part(which)
-        low, high, side = marks[piece, which], marks[piece + 1, which], above[piece, which]
+        extremes_inside = np.sort(
+            np.where((extremes > 0.0) & (extremes < 1.0), extremes, 1.0), axis=0
+        )
+        bounds = np.concatenate([np.zeros((1, len(c1))), extremes_inside, np.ones((1, len(c1)))])
+        is_positive = np.array([self.volume(s) >= 0.0 for s in bounds])
+        is_positive[:, self.in_plane()] = True
+        interval, pair = np.nonzero(is_positive[1:] != is_positive[:-1])
+        part = self.part(pair)
+        low, high, was_positive = (
+            bounds[interval, pair],
+            bounds[interval + 1, pair],
+            is_positive[interval, pair],
+        )
         for _ in range(_TOLERANCES.n_bisections):
             middle = 0.5 * (low + high)
-            same = (part.volume(middle) >= 0.0) == side
-            low, high = np.where(same, middle, low), np.where(same, high, middle)
-        meet = part.distance(high) <= _TOLERANCES.meeting_distance
+            is_same_side = (part.volume(middle) >= 0.0) == was_positive
+            low, high = np.where(is_same_side, middle, low), np.where(is_same_side, high, middle)
+        meets = part.distance(high) <= _TOLERANCES.meeting_distance
         a0, a1, b0, b1 = part.at(high)
-        upward = np.sign((a1 - a0)[:, 2] * (b1 - b0)[:, 2])
-        turn = np.where(side, -1, 1) * upward.astype(int)
-        return which[meet], high[meet], turn[meet]
+        vertical_sign = np.sign((a1 - a0)[:, 2] * (b1 - b0)[:, 2])
+        sense = np.where(was_positive, -1, 1) * vertical_sign.astype(int)
+        return pair[meets], high[meets], sense[meets]
 
     def meetings_in_plane(self) -> tuple[Indices, Array, Indices]:
         """Pieces (m,) that stay in one plane and meet there, times s (m,), and senses 0."""
-        which = np.flatnonzero(self.in_plane())
-        part, s = self.part(which), np.zeros(len(which))
-        moved = np.linalg.norm(part.after - part.before, axis=2)
-        nearing = np.maximum(moved[0], moved[1]) + np.maximum(moved[2], moved[3])
+        coplanar = np.flatnonzero(self.in_plane())
+        part, s = self.part(coplanar), np.zeros(len(coplanar))
+        travel = np.linalg.norm(part.after - part.before, axis=2)
+        approach = np.maximum(travel[0], travel[1]) + np.maximum(travel[2], travel[3])
         distance = part.distance(s)
-        away = distance > _TOLERANCES.meeting_distance
+        was_apart = distance > _TOLERANCES.meeting_distance
         # They cannot meet before they have moved by the remaining distance.
         for _ in range(_TOLERANCES.max_advances):
-            s = np.minimum(s + distance / np.maximum(nearing, np.finfo(float).tiny), 1.0)
+            s = np.minimum(s + distance / np.maximum(approach, np.finfo(float).tiny), 1.0)
             distance = np.where(distance > _TOLERANCES.meeting_distance, part.distance(s), distance)
-        meet = away & (distance <= _TOLERANCES.meeting_distance)
-        return which[meet], s[meet], np.zeros(int(meet.sum()), dtype=int)
+        meets = was_apart & (distance <= _TOLERANCES.meeting_distance)
+        return coplanar[meets], s[meets], np.zeros(int(meets.sum()), dtype=int)
 
 
 def windings(cores: Cores, pairs: StringPairs) -> tuple[Winding, ...]:
@@ -218,19 +226,27 @@ def windings(cores: Cores, pairs: StringPairs) -> tuple[Winding, ...]:
         pairs: pairs of strings.
     """
     results = []
-    single = np.bincount(pairs.of_strings.group) == 1
-    lines = [_Line.of(a, b) for a, b in zip(cores.a, cores.b, strict=True)]
-    for n in np.flatnonzero(single[pairs.of_strings.group]):
-        line, other = lines[pairs.of_strings.i[n]], lines[pairs.of_strings.j[n]]
-        top, bottom = np.minimum(line.top, other.top), np.maximum(line.bottom, other.bottom)
+    has_single_pieces = np.bincount(pairs.string_string_pairs.group) == 1
+    straight_strings = [_Line.through(a, b) for a, b in zip(cores.a, cores.b, strict=True)]
+    for n in np.flatnonzero(has_single_pieces[pairs.string_string_pairs.group]):
+        line, other_line = (
+            straight_strings[pairs.string_string_pairs.i[n]],
+            straight_strings[pairs.string_string_pairs.j[n]],
+        )
+        top, bottom = (
+            np.minimum(line.top, other_line.top),
+            np.maximum(line.bottom, other_line.bottom),
+        )
         if np.any(top <= bottom):
             continue
-        upper, lower = (other.at(z) - line.at(z) for z in (top, bottom))
-        seen = _angle(lower, upper)
-        steps = _angle(upper[:-1], upper[1:]) - _angle(lower[:-1], lower[1:])
-        turns = seen[0] + np.concatenate([[0.0], np.cumsum(steps)])
-        what, another = pairs.names[pairs.of_strings.group[n]]
-        results.append(Winding(what, another, turns, seen))
+        upper_offset, lower_offset = (other_line.at(z) - line.at(z) for z in (top, bottom))
+        seen_turns = _turns_between(lower_offset, upper_offset)
+        steps = _turns_between(upper_offset[:-1], upper_offset[1:]) - _turns_between(
+            lower_offset[:-1], lower_offset[1:]
+        )
+        turns = seen_turns[0] + np.concatenate([[0.0], np.cumsum(steps)])
+        first, second = pairs.names[pairs.string_string_pairs.group[n]]
+        results.append(Winding(first, second, turns, seen_turns))
     return tuple(sorted(results, key=lambda winding: -abs(winding.turns[-1])))
 
 
@@ -250,27 +266,27 @@ class _Line:
     slope: NDArray[np.complex128]
 
     @classmethod
-    def of(cls, a: Vec3, b: Vec3) -> _Line:
+    def through(cls, a: Vec3, b: Vec3) -> _Line:
         x, y = (end[:, 0] + 1j * end[:, 1] for end in (a, b))
-        up = b[:, 2] >= a[:, 2]
+        is_upward = b[:, 2] >= a[:, 2]
         rise = b[:, 2] - a[:, 2]
         slope = np.asarray((y - x) / np.where(rise == 0.0, np.inf, rise), dtype=np.complex128)
-        low = np.where(up, x, y)
-        return cls(np.maximum(a[:, 2], b[:, 2]), np.minimum(a[:, 2], b[:, 2]), low, slope)
+        lower_end = np.where(is_upward, x, y)
+        return cls(np.maximum(a[:, 2], b[:, 2]), np.minimum(a[:, 2], b[:, 2]), lower_end, slope)
 
     def at(self, z: Array) -> NDArray[np.complex128]:
         return self.low + (z - self.bottom) * self.slope
 
 
-def _volume(a0: Vec3, a1: Vec3, b0: Vec3, b1: Vec3) -> Array:
-    return _product(a1 - a0, b1 - b0, b0 - a0)
+def _spanned_volume(a0: Vec3, a1: Vec3, b0: Vec3, b1: Vec3) -> Array:
+    return _triple_product(a1 - a0, b1 - b0, b0 - a0)
 
 
-def _product(u: Vec3, v: Vec3, w: Vec3) -> Array:
+def _triple_product(u: Vec3, v: Vec3, w: Vec3) -> Array:
     """Triple products u x v . w (n,)."""
     return dot(np.cross(u, v), w)
 
 
-def _angle(x: NDArray[np.complex128], y: NDArray[np.complex128]) -> Array:
+def _turns_between(x: NDArray[np.complex128], y: NDArray[np.complex128]) -> Array:
     """Angles from x (n,) to y, at most half a turn [turns]."""
     return np.angle(y * x.conj()) / (2.0 * np.pi)

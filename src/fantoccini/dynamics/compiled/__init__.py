@@ -42,9 +42,9 @@ from fantoccini.dynamics.compiled.screws import (
     WEIGHTS,
     Screws,
     bracket,
-    relations,
+    moving_and_carrying,
 )
-from fantoccini.dynamics.compiled.touching import TOUCHING_GAP, meeting_links
+from fantoccini.dynamics.compiled.touching import TOUCHING_GAP, touching_links
 from fantoccini.dynamics.compiled.vector_checks import vector, vectors
 
 __all__ = [
@@ -88,12 +88,12 @@ __all__ = [
     "difference",
     "forward_dynamics",
     "integrate",
-    "meeting_links",
+    "moving_and_carrying",
     "parameter_rows",
     "refuse_contact",
-    "relations",
     "retract",
     "taut_mask",
+    "touching_links",
     "vector",
     "vectors",
 ]

@@ -33,22 +33,24 @@ def forward_dynamics(
     marionette: CompiledPuppet, x: State, acc_K: Array | None = None, u_D: Array | None = None
 ) -> ForwardDynamics:
     """Accelerations and tensions of Eqs. 10 and 11; see :meth:`Marionette.forward_dynamics`."""
-    at = Evaluation.of(marionette, x, acc_K, u_D)
-    check_active_set(marionette, x, at)
-    active = ActiveSet.of(marionette, x, at)
-    tension = np.where(active.slipping, marionette.max_forces, 0.0)
-    w0 = at.w0 - at.W[:, active.slipping] @ tension[active.slipping]
-    rows = np.flatnonzero(active.held)
-    hddot = at.gamma[rows] + at.W[:, rows].T @ w0
+    evaluation = Evaluation.at_state(marionette, x, acc_K, u_D)
+    check_active_set(marionette, x, evaluation)
+    active_set = ActiveSet.at_state(marionette, x, evaluation)
+    tension = np.where(active_set.slipping, marionette.max_forces, 0.0)
+    w0 = evaluation.w0 - evaluation.W[:, active_set.slipping] @ tension[active_set.slipping]
+    rows = np.flatnonzero(active_set.held)
+    hddot = evaluation.gamma[rows] + evaluation.W[:, rows].T @ w0
     # Rounding alone must not make opposing rows contradict each other.
-    terms = np.abs(at.gamma[rows]) + np.abs(at.W[:, rows]).T @ np.abs(w0)
-    top = max(float(np.max(terms, initial=0.0)), marionette.weight / (marionette.mass or 1.0))
-    hddot[np.abs(hddot) <= ROUNDING * top] = 0.0
-    solution = at.complementarity(rows, hddot, marionette.two_sided, marionette.max_forces)
+    terms = np.abs(evaluation.gamma[rows]) + np.abs(evaluation.W[:, rows]).T @ np.abs(w0)
+    scale = max(float(np.max(terms, initial=0.0)), marionette.weight / (marionette.mass or 1.0))
+    hddot[np.abs(hddot) <= ROUNDING * scale] = 0.0
+    solution = evaluation.complementarity(rows, hddot, marionette.two_sided, marionette.max_forces)
     if not solution.solved:
         raise StateError(
             "no acceleration satisfies these strings and limits: "
             + ", ".join(marionette.names_of(rows, solution.ray))
         )
     tension[rows] = solution.x
-    return ForwardDynamics(at.solve_factor(w0 - at.W[:, rows] @ solution.x), tension)
+    return ForwardDynamics(
+        evaluation.solve_factor(w0 - evaluation.W[:, rows] @ solution.x), tension
+    )

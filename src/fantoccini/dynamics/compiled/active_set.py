@@ -49,18 +49,20 @@ class ActiveSet:
     slipping: MaskRows
 
     @classmethod
-    def of(cls, marionette: CompiledPuppet, x: State, at: Evaluation) -> ActiveSet:
+    def at_state(cls, marionette: CompiledPuppet, x: State, evaluation: Evaluation) -> ActiveSet:
         """The active set of a state, with the model evaluated there."""
         scale = marionette.row_scales(x.q_D, x.q_K)
-        taut = taut_mask(marionette, x) & ~_is_far_open(marionette, at.h, scale)
-        top = max(1.0, float(np.max(np.abs(x.v_D), initial=0.0)))
-        is_closed = at.h >= -ROW_TOLERANCES.closed_gap * scale
+        taut = taut_mask(marionette, x) & ~_is_far_open(marionette, evaluation.h, scale)
+        speed_scale = max(1.0, float(np.max(np.abs(x.v_D), initial=0.0)))
+        is_closed = evaluation.h >= -ROW_TOLERANCES.closed_gap * scale
         can_slip = np.isfinite(marionette.max_forces) & (taut | is_closed)
-        at_bound = np.abs(at.h) <= ROW_TOLERANCES.start_gap * scale
-        stepped = taut & ~at_bound
-        slip_speed = np.where(stepped, ROW_TOLERANCES.slip_speed, ROW_TOLERANCES.rest_speed)
-        slipping = can_slip & (at.hdot > slip_speed * top)
-        held = taut | (is_closed & (np.abs(at.hdot) <= ROW_TOLERANCES.rest_speed * top))
+        at_bound = np.abs(evaluation.h) <= ROW_TOLERANCES.start_gap * scale
+        was_stepped = taut & ~at_bound
+        slip_speed = np.where(was_stepped, ROW_TOLERANCES.slip_speed, ROW_TOLERANCES.rest_speed)
+        slipping = can_slip & (evaluation.hdot > slip_speed * speed_scale)
+        held = taut | (
+            is_closed & (np.abs(evaluation.hdot) <= ROW_TOLERANCES.rest_speed * speed_scale)
+        )
         return cls((held | marionette.two_sided) & ~slipping, slipping)
 
 
@@ -69,14 +71,16 @@ def taut_mask(marionette: CompiledPuppet, x: State) -> MaskRows:
     return x.taut if len(x.taut) else np.zeros(marionette.tree.n_rows, dtype=bool)
 
 
-def check_active_set(marionette: CompiledPuppet, x: State, at: Evaluation) -> None:
+def check_active_set(marionette: CompiledPuppet, x: State, evaluation: Evaluation) -> None:
     """Raises StateError with names and gaps if rows marked taut are slack."""
     scale = marionette.row_scales(x.q_D, x.q_K)
-    wrong = np.flatnonzero(taut_mask(marionette, x) & _is_far_open(marionette, at.h, scale))
-    if not len(wrong):
+    slack_rows = np.flatnonzero(
+        taut_mask(marionette, x) & _is_far_open(marionette, evaluation.h, scale)
+    )
+    if not len(slack_rows):
         return
     names = marionette.tree.row_names
-    gaps = "; ".join(f"{names[r]} by {-at.h[r]:.3g}" for r in wrong)
+    gaps = "; ".join(f"{names[r]} by {-evaluation.h[r]:.3g}" for r in slack_rows)
     raise StateError(
         f"the state marks these strings and limits as taut, but they are slack by more than "
         f"{ROW_TOLERANCES.taut_gap:g} of their length or range: {gaps}. x.replace(taut=...) "

@@ -53,24 +53,24 @@ def check_step(marionette: CompiledPuppet, method: str, q_D: Array, q_K: Array, 
     if method != "timestepping":
         return
     if result := critical_step(marionette, q_D, q_K, dt):
-        longest, name = result
+        max_dt, name = result
         raise StateError(
             f"dt = {dt:g} s is too long for the spring {name}: with method='timestepping' its "
-            f"vibrations grow without bound in steps above {longest:.2g} s (2 / omega without "
+            f"vibrations grow without bound in steps above {max_dt:.2g} s (2 / omega without "
             "damping). Take a shorter dt, method='event', or a softer or less damped spring"
         )
     for chain in marionette.tree.chains:
         n, length = chain.pieces, np.min(chain.unstretched_length(q_D, q_K, marionette.number))
-        share = marionette.tree.links[chain.points[1].link].mass_shares[0]
+        mass_share = marionette.tree.links[chain.points[1].link].mass_shares[0]
         k = marionette.number(chain.stiffness) * n / length
-        m = marionette.number(share.amount) * share.volume
+        m = marionette.number(mass_share.amount) * mass_share.volume
         omega = 2.0 * np.sqrt(k / m) * np.cos(np.pi / (2 * n))
         zeta = 0.5 * omega * marionette.number(chain.damping) / marionette.number(chain.stiffness)
-        longest = 2.0 / (omega * (np.hypot(1.0, zeta) + zeta))
-        if not dt <= longest:
+        max_dt = 2.0 / (omega * (np.hypot(1.0, zeta) + zeta))
+        if not dt <= max_dt:
             raise StateError(
                 f"dt = {dt:g} s is too long for the chain {chain.name}: with method="
-                f"'timestepping' its vibrations grow without bound in steps above {longest:.2g} s. "
+                f"'timestepping' its vibrations grow without bound in steps above {max_dt:.2g} s. "
                 "Take a shorter dt, method='event', or fewer, softer, heavier or less damped pieces"
             )
 
@@ -107,8 +107,8 @@ def check_samples(
         n = len(save_at)
     else:
         return
-    width = sum(marionette.sample_layout.widths.values())
-    check_memory(method, options, t, t_end, n, memory.bytes_of(n, width))
+    n_columns = sum(marionette.sample_layout.widths.values())
+    check_memory(method, options, t, t_end, n, memory.bytes_of(n, n_columns))
 
 
 def count_samples(options: RunOptions, t: float, t_end: float) -> float:
@@ -123,21 +123,22 @@ def count_samples(options: RunOptions, t: float, t_end: float) -> float:
 
 
 def check_memory(
-    method: str, options: RunOptions, t: float, t_end: float, n: float, need: float
+    method: str, options: RunOptions, t: float, t_end: float, n: float, n_bytes: float
 ) -> None:
-    """Raises StateError unless ``need`` bytes for n samples from t to t_end [s] may be used."""
-    maximum = memory.bound(need, options.max_memory)
-    if need <= maximum:
+    """Raises StateError unless ``n_bytes`` bytes for n samples from t to t_end [s] may be used."""
+    max_bytes = memory.bound(n_bytes, options.max_memory)
+    if n_bytes <= max_bytes:
         return
     samples = f"{n:.3g} samples from {t:g} s to {t_end:g} s"
-    fewer = "give fewer times in save_at"
+    advice = "give fewer times in save_at"
     if method != "event":
-        every = np.ceil(1.1 * options.save_every * need / maximum)
+        every = np.ceil(1.1 * options.save_every * n_bytes / max_bytes)
         samples += f", one every {options.save_every * options.dt:g} s,"
-        fewer = f"write fewer with save_every={every:.0f}"
+        advice = f"write fewer with save_every={every:.0f}"
     raise StateError(
-        f"{samples} need {need / 1e9:.3g} GB of memory; {maximum / 1e9:.3g} GB may be used. End "
-        f"sooner, {fewer}, or allow more with max_memory"
+        f"{samples} need {n_bytes / 1e9:.3g} GB of memory; {max_bytes / 1e9:.3g} GB may be used. "
+        "End "
+        f"sooner, {advice}, or allow more with max_memory"
     )
 
 
@@ -163,44 +164,46 @@ def check_starts(
         p: (1 or n, n_p) parameters of the runs; by default the puppet's.
     """
     p = marionette.p[None] if p is None else p
-    stepped = method == "timestepping"
+    is_timestepping = method == "timestepping"
     _check_contact(marionette, states, method)
     if len(states) == 1 and len(p) > 1:
         states = states.repeated(len(p))
-    for first in range(0, len(states), _CHUNK_SIZE):
-        chunk = states.subset(slice(first, first + _CHUNK_SIZE))
-        own = p if len(p) == 1 else p[first : first + _CHUNK_SIZE]
-        h, hdot = _rows_of(marionette, chunk, own)
+    for chunk_start in range(0, len(states), _CHUNK_SIZE):
+        chunk = states.subset(slice(chunk_start, chunk_start + _CHUNK_SIZE))
+        chunk_p = p if len(p) == 1 else p[chunk_start : chunk_start + _CHUNK_SIZE]
+        h, hdot = _gaps_and_rates(marionette, chunk, chunk_p)
         scale = marionette.row_scales(chunk.q_D, chunk.q_K)
-        wires, firm = marionette.two_sided, ~np.isfinite(marionette.max_forces)
-        near = (ROW_TOLERANCES.stepped_gap if stepped else ROW_TOLERANCES.start_gap) * scale
+        wires, cannot_slip = marionette.two_sided, ~np.isfinite(marionette.max_forces)
+        max_gap = (
+            ROW_TOLERANCES.stepped_gap if is_timestepping else ROW_TOLERANCES.start_gap
+        ) * scale
         # Time-stepping may continue from a state that violates rows because of its inputs.
-        is_marked_taut = chunk.taut if stepped else np.zeros_like(chunk.taut)
-        is_violated = ~(np.where(wires, np.abs(h), h) <= near) & ~is_marked_taut
-        top = np.max(np.abs(chunk.v_D), axis=1, initial=1.0)[:, None]
-        speed = ROW_TOLERANCES.rest_speed * top
+        is_marked_taut = chunk.taut if is_timestepping else np.zeros_like(chunk.taut)
+        is_violated = ~(np.where(wires, np.abs(h), h) <= max_gap) & ~is_marked_taut
+        speed_scale = np.max(np.abs(chunk.v_D), axis=1, initial=1.0)[:, None]
+        rest_speed = ROW_TOLERANCES.rest_speed * speed_scale
         # A winch that slips absorbs the speed.
-        passing = ~(np.where(wires, np.abs(hdot), hdot) <= speed) & (wires | firm)
+        passes_bound = ~(np.where(wires, np.abs(hdot), hdot) <= rest_speed) & (wires | cannot_slip)
         # A string slack by more than rounding is caught right after the start of the run.
-        open_ = (h < -ROW_TOLERANCES.closed_gap * scale) & ~chunk.taut & ~wires
-        passing &= ~is_violated & ~open_ & (np.abs(h) <= near) & (not stepped)
-        slack = chunk.taut & ~(h >= -near) & ~is_violated & (not stepped)
-        wrong = is_violated | passing | slack
-        if not np.any(wrong):
+        is_open = (h < -ROW_TOLERANCES.closed_gap * scale) & ~chunk.taut & ~wires
+        passes_bound &= ~is_violated & ~is_open & (np.abs(h) <= max_gap) & (not is_timestepping)
+        is_slack = chunk.taut & ~(h >= -max_gap) & ~is_violated & (not is_timestepping)
+        is_wrong = is_violated | passes_bound | is_slack
+        if not np.any(is_wrong):
             continue
-        i = int(np.argmax(np.any(wrong, axis=1)))
-        which = f"states[{first + i}]" if len(states) > 1 else "the start state"
-        rows, findings = np.flatnonzero(wrong[i]), []
+        i = int(np.argmax(np.any(is_wrong, axis=1)))
+        subject = f"states[{chunk_start + i}]" if len(states) > 1 else "the start state"
+        rows, findings = np.flatnonzero(is_wrong[i]), []
         for r in rows:
             name = marionette.tree.row_names[r]
             if is_violated[i, r]:
                 findings.append(f"{name} is violated by {h[i, r]:.3g}")
-            elif slack[i, r]:
+            elif is_slack[i, r]:
                 findings.append(f"{name} is marked taut and slack by {-h[i, r]:.3g}")
             else:
                 findings.append(f"{name} is at its bound and moves past it at {hdot[i, r]:.3g}/s")
         raise StateError(
-            f"{which} violates {len(findings)} of the strings and limits: "
+            f"{subject} violates {len(findings)} of the strings and limits: "
             + "; ".join(findings)
             + ". marionette.project(x) gives the nearest state that does not."
         )
@@ -238,38 +241,40 @@ def _check_contact(marionette: CompiledPuppet, states: States, method: str) -> N
 
 
 def check_apart(
-    marionette: CompiledPuppet, states: States, maximum: float = ROW_TOLERANCES.stepped_gap
+    marionette: CompiledPuppet, states: States, max_overlap: float = ROW_TOLERANCES.stepped_gap
 ) -> None:
-    """Raises StateError if solids overlap by more than ``maximum`` [m]."""
+    """Raises StateError if solids overlap by more than ``max_overlap`` [m]."""
     if marionette.contacts is None:
         return
-    for first in range(0, len(states), _CHUNK_SIZE):
-        chunk = slice(first, first + _CHUNK_SIZE)
+    for chunk_start in range(0, len(states), _CHUNK_SIZE):
+        chunk = slice(chunk_start, chunk_start + _CHUNK_SIZE)
         gaps = marionette.library.gaps(
             marionette.contacts, states.q_D[chunk], states.q_K[chunk], marionette.p
         )
-        deep = np.flatnonzero(np.any(gaps < -maximum, axis=1))
-        if not len(deep):
+        too_deep = np.flatnonzero(np.any(gaps < -max_overlap, axis=1))
+        if not len(too_deep):
             continue
-        i = first + int(deep[0])
-        result = marionette.overlaps(states.q_D[i], states.q_K[i], maximum)
-        which = f"states[{i}]" if len(states) > 1 else "the start state"
-        listed = "; ".join(f"{name} by {depth:.3g} m" for name, depth in result.items())
-        raise StateError(f"in {which} solids overlap: {listed}. Move them apart")
+        i = chunk_start + int(too_deep[0])
+        overlaps_by_pair = marionette.overlaps(states.q_D[i], states.q_K[i], max_overlap)
+        subject = f"states[{i}]" if len(states) > 1 else "the start state"
+        overlap_text = "; ".join(
+            f"{name} by {depth:.3g} m" for name, depth in overlaps_by_pair.items()
+        )
+        raise StateError(f"in {subject} solids overlap: {overlap_text}. Move them apart")
 
 
-def _rows_of(marionette: CompiledPuppet, x: States, p: Array) -> tuple[Array, Array]:
+def _gaps_and_rates(marionette: CompiledPuppet, x: States, p: Array) -> tuple[Array, Array]:
     """Gaps h and rates hdot (n, n_rows) of states at parameters (1 or n, n_p)."""
     tree, table = marionette.tree, marionette.coordinates
     zeros = {"acc_K": np.zeros(table.n_vK), "u_D": np.zeros(table.n_vD)}
-    on = marionette.library.evaluate("dynamics", **marionette.at(x, p), **zeros)
-    hdot_limit = np.zeros_like(on.h_limit)
+    evaluated = marionette.library.evaluate("dynamics", **marionette.at(x, p), **zeros)
+    hdot_limit = np.zeros_like(evaluated.h_limit)
     for i, limit in enumerate(tree.limits):
-        place = tree.links[limit.link].v
-        J = on.J_limit[:, : place.stop - place.start, i]
-        hdot_limit[:, i] = (J * x.v_D[:, place]).sum(axis=1)
-    hdot = on.hdot - marionette.rewinding(x.slip)
-    return np.hstack([on.h - x.slip, on.h_limit]), np.hstack([hdot, hdot_limit])
+        velocities = tree.links[limit.link].v
+        J = evaluated.J_limit[:, : velocities.stop - velocities.start, i]
+        hdot_limit[:, i] = (J * x.v_D[:, velocities]).sum(axis=1)
+    hdot = evaluated.hdot - marionette.rewinding(x.slip)
+    return np.hstack([evaluated.h - x.slip, evaluated.h_limit]), np.hstack([hdot, hdot_limit])
 
 
 def bind_input(
@@ -300,8 +305,8 @@ def bind_inputs(
 ) -> Inputs:
     """Inputs bound by :func:`bind_input`, for many inputs or many states: (n or 1, ...)."""
     check_inputs(marionette, inputs, t, t_end)
-    within = np.any(t < inputs.breaks[:, 0]) or np.any(inputs.breaks[:, -1] < t_end)
-    if within and not inputs.relative:
+    ends_within = np.any(t < inputs.breaks[:, 0]) or np.any(inputs.breaks[:, -1] < t_end)
+    if ends_within and not inputs.relative:
         inputs = inputs.at_rest()
     bound = inputs.bound(q_K, t, v_K)
     check_speeds(marionette, t, v_K, bound)
@@ -313,51 +318,54 @@ def check_inputs(
 ) -> None:
     """Raises InputError unless inputs fit the puppet and begin and end at rest within a run."""
     inputs = as_inputs(inputs)
-    own, theirs = marionette.coordinates, inputs.coordinates
-    if (own.q_K, own.v_D) != (theirs.q_K, theirs.v_D):
+    needed, given = marionette.coordinates, inputs.coordinates
+    if (needed.q_K, needed.v_D) != (given.q_K, given.v_D):
         text = (
             "were made for a puppet with the driven coordinates "
-            f"{', '.join(theirs.q_K) or 'none'}; {marionette.name} has "
-            f"{', '.join(own.q_K) or 'none'}"
+            f"{', '.join(given.q_K) or 'none'}; {marionette.name} has "
+            f"{', '.join(needed.q_K) or 'none'}"
         )
         raise InputError([Mistake("inputs", None, "", text)])
     mistakes = []
     last = inputs.breaks[:, -1]
-    ends = (
+    boundaries = (
         ("begin", inputs.breaks[:, 0], inputs.breaks[:, 0] > t, inputs.coef[:, 0, :, 1]),
         ("end", last, last < t_end, inputs.evaluate(last)[1]),
     )
-    for what, when, inside, speed in ends:
-        wrong = ~(np.abs(speed) <= joints.TOLERANCES.speed) & inside[:, None]
-        if np.any(wrong):
-            wrong &= ~(np.abs(speed) <= joints.tolerances(own, inputs.breaks, inputs.coef)[1])
-        for n, i in np.argwhere(wrong)[:_MAX_LISTED]:
-            at = when[n if len(when) > 1 else 0]
-            which = f"inputs[{n}].{own.v_K[i]}" if len(inputs) > 1 else own.v_K[i]
+    for verb, times, is_inside, speed in boundaries:
+        is_wrong = ~(np.abs(speed) <= joints.TOLERANCES.speed) & is_inside[:, None]
+        if np.any(is_wrong):
+            is_wrong &= ~(np.abs(speed) <= joints.tolerances(needed, inputs.breaks, inputs.coef)[1])
+        for n, i in np.argwhere(is_wrong)[:_MAX_LISTED]:
+            time = times[n if len(times) > 1 else 0]
+            subject = f"inputs[{n}].{needed.v_K[i]}" if len(inputs) > 1 else needed.v_K[i]
             text = (
-                f"the inputs {what} at t = {at:g} s with the velocity {speed[n, i]:.6g}, and the "
-                f"run lasts from {t:g} s to {t_end:g} s; needed: inputs that {what} at rest, or a "
+                f"the inputs {verb} at t = {time:g} s with the velocity {speed[n, i]:.6g}, and the "
+                f"run lasts from {t:g} s to {t_end:g} s; needed: inputs that {verb} at rest, or a "
                 "run within them"
             )
-            mistakes.append(Mistake("inputs", None, which, text))
+            mistakes.append(Mistake("inputs", None, subject, text))
     if mistakes:
         raise InputError(mistakes)
 
 
 def check_speeds(marionette: CompiledPuppet, t: float, v_K: Array, bound: Inputs) -> None:
     """Raises StateError if driven velocities v_K (n or 1, n_vK) at t jump to bound inputs."""
-    result = bound.evaluate(t)[1]
-    wrong = ~(np.abs(result - v_K) <= joints.TOLERANCES.speed)
-    if not np.any(wrong):
+    input_speeds = bound.evaluate(t)[1]
+    is_wrong = ~(np.abs(input_speeds - v_K) <= joints.TOLERANCES.speed)
+    if not np.any(is_wrong):
         return
-    i = int(np.argmax(np.any(wrong, axis=1)))
-    rows = np.flatnonzero(wrong[i])
+    i = int(np.argmax(np.any(is_wrong, axis=1)))
+    rows = np.flatnonzero(is_wrong[i])
     names = [marionette.coordinates.v_K[r] for r in rows]
-    has, begins = np.broadcast_to(v_K, wrong.shape)[i], np.broadcast_to(result, wrong.shape)[i]
-    which = f" of run {i}" if len(wrong) > 1 else ""
+    state_speeds, start_speeds = (
+        np.broadcast_to(v_K, is_wrong.shape)[i],
+        np.broadcast_to(input_speeds, is_wrong.shape)[i],
+    )
+    subject = f" of run {i}" if len(is_wrong) > 1 else ""
     raise StateError(
-        f"the velocity of {', '.join(names)}{which} would jump at t = {t:g} s: the state has "
-        f"{has[rows[0]]:.6g}, the inputs begin with {begins[rows[0]]:.6g}"
+        f"the velocity of {', '.join(names)}{subject} would jump at t = {t:g} s: the state has "
+        f"{state_speeds[rows[0]]:.6g}, the inputs begin with {start_speeds[rows[0]]:.6g}"
     )
 
 
@@ -365,4 +373,4 @@ def as_inputs(inputs: Input | Inputs | Sequence[Input]) -> Inputs:
     """One or several inputs, stacked."""
     if isinstance(inputs, Inputs):
         return inputs
-    return Inputs.of([inputs] if isinstance(inputs, Input) else list(inputs))
+    return Inputs.stack([inputs] if isinstance(inputs, Input) else list(inputs))

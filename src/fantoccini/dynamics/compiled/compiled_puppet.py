@@ -57,7 +57,7 @@ class CompiledPuppet:
         libraries: equations and compiled libraries, shared with the results of ``with_`` methods.
 
     Args:
-        what: a puppet or a scene.
+        puppet_or_scene: a puppet or a scene.
         progress: callback for each stage that begins (``what``: "deriving", "compiling").
     """
 
@@ -67,13 +67,15 @@ class CompiledPuppet:
     winches: Array
     libraries: Libraries
 
-    def __init__(self, what: Puppet | Scene, progress: OnProgress | None = None):
-        puppet = assembled(what) if isinstance(what, Scene) else what
+    def __init__(self, puppet_or_scene: Puppet | Scene, progress: OnProgress | None = None):
+        puppet = (
+            assembled(puppet_or_scene) if isinstance(puppet_or_scene, Scene) else puppet_or_scene
+        )
         tree = trees.grow(puppet)
         p = np.array(list(tree.parameters.values()), dtype=float)
-        self._set(puppet, tree, p, winches_of(tree, p), Libraries(puppet, tree, progress))
+        self._assign(puppet, tree, p, winches_of(tree, p), Libraries(puppet, tree, progress))
 
-    def _set(
+    def _assign(
         self, puppet: Puppet, tree: Tree, p: Array, winches: Array, libraries: Libraries
     ) -> Self:
         p.setflags(write=False)
@@ -81,10 +83,10 @@ class CompiledPuppet:
         vars(self).update(puppet=puppet, tree=tree, p=p, winches=winches, libraries=libraries)
         return self
 
-    def _changed(
+    def _with(
         self, *, puppet: Puppet | None = None, p: Array | None = None, winches: Array | None = None
     ) -> Self:
-        return object.__new__(type(self))._set(
+        return object.__new__(type(self))._assign(
             self.puppet if puppet is None else puppet,
             self.tree,
             self.p if p is None else p,
@@ -100,7 +102,12 @@ class CompiledPuppet:
 
     def __reduce__(self) -> tuple[Any, ...]:
         # Equations and libraries are not copied: they come from the cache or are built again.
-        return _unpacked, (type(self), PortablePuppet.of(self.puppet), self.p, self.winches)
+        return _unpacked, (
+            type(self),
+            PortablePuppet.from_puppet(self.puppet),
+            self.p,
+            self.winches,
+        )
 
     # -- variants of the same puppet -------------------------------------------------------------
 
@@ -120,11 +127,11 @@ class CompiledPuppet:
                 raise StateError(f"parameter {name}: found {value}; it must be a finite number")
             p[names.index(name)] = value
         self.puppet.with_values(dict(values))
-        return self._changed(p=p, winches=winches_of(self.tree, p))
+        return self._with(p=p, winches=winches_of(self.tree, p))
 
     def with_p(self, p: Array) -> Self:
         """The same puppet with other parameters (n_p,), without checks."""
-        return self if np.array_equal(p, self.p) else self._changed(p=p.copy())
+        return self if np.array_equal(p, self.p) else self._with(p=p.copy())
 
     def with_winches(self, winches: Array) -> Self:
         """The same puppet with other winches (n_strings, 3); see :attr:`winches`.
@@ -132,11 +139,11 @@ class CompiledPuppet:
         Raises:
             StateError: a winch cannot have one of the numbers.
         """
-        return self._changed(winches=checked_winches(self.tree, winches))
+        return self._with(winches=checked_winches(self.tree, winches))
 
     def with_obstacles(self, obstacles: Iterable[Obstacle]) -> Self:
         """The same puppet with other obstacles."""
-        return self._changed(puppet=self.puppet.model_copy(update={"obstacles": tuple(obstacles)}))
+        return self._with(puppet=self.puppet.model_copy(update={"obstacles": tuple(obstacles)}))
 
     # -- parts ---------------------------------------------------------------------------
 
@@ -170,21 +177,23 @@ class CompiledPuppet:
         _ = self.library
 
     @cached_property
-    def _touching(self) -> tuple[Contacts, Contacts] | None:
+    def _contacts_and_prescribed(self) -> tuple[Contacts, Contacts] | None:
         if self.puppet.touching is None:
             return None
-        data = self.puppet.expanded(), self.tree, self.library, self.libraries.solids
-        return contacts_of(*data)
+        arguments = self.puppet.expanded(), self.tree, self.library, self.libraries.solids
+        return contacts_of(*arguments)
 
     @property
     def contacts(self) -> Contacts | None:
         """The solids that may touch; None if the puppet's file has no contact."""
-        return None if self._touching is None else self._touching[0]
+        return None if self._contacts_and_prescribed is None else self._contacts_and_prescribed[0]
 
     @property
     def prescribed(self) -> Contacts | None:
         """Pairs of solids that may touch and that only inputs move; None if there are none."""
-        contacts = None if self._touching is None else self._touching[1]
+        contacts = (
+            None if self._contacts_and_prescribed is None else self._contacts_and_prescribed[1]
+        )
         return contacts if contacts is not None and len(contacts.pairs) else None
 
     def overlaps(self, q_D: Array, q_K: Array, depth: float = 0.0) -> dict[str, float]:
@@ -194,7 +203,7 @@ class CompiledPuppet:
         return overlaps(self.library, self.contacts, q_D, q_K, self.p, depth)
 
     @cached_property
-    def described(self) -> Puppet:
+    def current_puppet(self) -> Puppet:
         """The puppet as for a file, with the present values of its parameters."""
         values = dict(zip(self.tree.parameters, self.p.tolist(), strict=True))
         if values == self.tree.parameters:
@@ -220,11 +229,11 @@ class CompiledPuppet:
     @cached_property
     def cap_parameters(self) -> Indices:
         """(n_rows,) index in ``p`` of each row's largest tension; -1 if it is no parameter."""
-        out = np.full(self.tree.n_rows, -1)
+        indices = np.full(self.tree.n_rows, -1)
         for i, string in enumerate(self.tree.strings):
             if isinstance(string.max_tension, Parameter):
-                out[i] = self.parameter_index[string.max_tension.parameter]
-        return out
+                indices[i] = self.parameter_index[string.max_tension.parameter]
+        return indices
 
     # -- sizes -------------------------------------------------------------------------------
 
@@ -234,8 +243,8 @@ class CompiledPuppet:
         total = 0.0
         for i, link in enumerate(self.tree.links):
             if any(self.tree.links[j].role == "dynamic" for j in self.tree.ancestors(i)):
-                of_shapes = sum(self.number(s.amount) * s.volume for s in link.mass_shares)
-                total += of_shapes if link.mass is None else self.number(link.mass)
+                shape_mass = sum(self.number(s.amount) * s.volume for s in link.mass_shares)
+                total += shape_mass if link.mass is None else self.number(link.mass)
         return total
 
     @cached_property
@@ -312,7 +321,7 @@ class CompiledPuppet:
         if share is None:
             return tuple(names)
         threshold = LIMITS.least_share * np.max(np.abs(share), initial=0.0)
-        return tuple(n for n, part in zip(names, share, strict=True) if part > threshold)
+        return tuple(n for n, row_share in zip(names, share, strict=True) if row_share > threshold)
 
     # -- states ------------------------------------------------------------------------------
 
@@ -332,7 +341,7 @@ class CompiledPuppet:
             StateError: a state is of another puppet, or a slip is not a length >= 0.
         """
         tree = self.tree
-        return States.of(states, self.coordinates, len(tree.strings), tree.n_rows)
+        return States.stack(states, self.coordinates, len(tree.strings), tree.n_rows)
 
     # -- functions of a state --------------------------------------------------------------------
 
@@ -408,4 +417,4 @@ class CompiledPuppet:
 def _unpacked(
     kind: type[CompiledPuppet], portable: PortablePuppet, p: Array, winches: Array
 ) -> CompiledPuppet:
-    return kind(portable.puppet())._changed(p=np.array(p, dtype=float), winches=winches)
+    return kind(portable.puppet())._with(p=np.array(p, dtype=float), winches=winches)

@@ -52,9 +52,10 @@ class Touch:
         gap: distance of the solids [m]; negative where they overlap.
         point: (3,) point P [m].
         normal: (3,) normal n, from the second solid to the first.
-        by: (7, 6) derivatives of gap, P and n by a twist about the world's origin.
+        by_twist: (7, 6) derivatives of gap, P and n by a twist about the world's origin.
         rate: (7,) rates of gap, P and n at a relative twist; 0 without one.
-        rate_by: (7, 6) derivatives of ``rate`` by a further twist, at the same relative twist.
+        rate_by_twist: (7, 6) derivatives of ``rate`` by a further twist, at the same relative
+            twist.
         smooth: whether the derivatives exist.
     """
 
@@ -64,9 +65,9 @@ class Touch:
     gap: float
     point: Array
     normal: Array
-    by: Array
+    by_twist: Array
     rate: Array
-    rate_by: Array
+    rate_by_twist: Array
     smooth: bool
 
 
@@ -89,18 +90,22 @@ class PairGeometry:
         self._first = poses[a]
         self._second = poses[b] if b != WORLD else np.zeros(12)
         # The curvature of the points' paths scales with the distance of the cores, or is zero.
-        self._size = max(GEOMETRY_TOLERANCES.min_size, sum(_size(solid) for solid in solids))
+        self._pair_size = max(
+            GEOMETRY_TOLERANCES.min_size, sum(_solid_size(solid) for solid in solids)
+        )
         rows = self._touches(self._first[None], GEOMETRY_TOLERANCES.max_gap)[0]
         self.points = {int(row[0]): row[1:] for row in rows if row[0] >= 0.0}
-        places = [at[1:4] for at in self.points.values()]
-        self._about = np.mean(places, axis=0) if places else np.zeros(3)
+        positions = [at[1:4] for at in self.points.values()]
+        self._reference_point = np.mean(positions, axis=0) if positions else np.zeros(3)
         self._cache: dict[tuple[float, bytes | None], dict[int, Array]] = {}
 
-    def nearest(self, point: Array, most: float) -> int | None:
-        """Feature of the point nearest to a place (3,) [m], if any is within ``most`` [m]."""
-        distances = {f: float(np.max(np.abs(at[1:4] - point))) for f, at in self.points.items()}
-        near = [f for f, distance in distances.items() if distance <= most]
-        return min(near, key=distances.__getitem__) if near else None
+    def nearest(self, point: Array, max_distance: float) -> int | None:
+        """Feature of the nearest point, at most ``max_distance`` [m] away; None without one."""
+        distances = {
+            feature: float(np.max(np.abs(row[1:4] - point))) for feature, row in self.points.items()
+        }
+        features = [feature for feature, distance in distances.items() if distance <= max_distance]
+        return min(features, key=distances.__getitem__) if features else None
 
     def twist(self, screws: Screws) -> Array:
         """Twist (6,) of the first solid relative to the second."""
@@ -119,106 +124,114 @@ class PairGeometry:
             twist: (6,) twist of the first link relative to the second about the world's origin, for
                 the rates [m/s, rad/s].
         """
-        here = self.points[feature]
-        scale = np.array([self._size] * 3 + [1.0] * 3)
-        values = np.array([self._size] * 4 + [1.0] * 3)
-        to_origin = np.eye(6)
-        to_origin[:3, 3:] = -rotation.skew(self._about)
-        by, smooth = self._converged(feature, None, GEOMETRY_TOLERANCES.first_derivative)
-        by = values[:, None] * by / scale @ to_origin
-        rate, rate_by = np.zeros(7), np.zeros((7, 6))
+        row = self.points[feature]
+        twist_scale = np.array([self._pair_size] * 3 + [1.0] * 3)
+        value_scale = np.array([self._pair_size] * 4 + [1.0] * 3)
+        from_origin = np.eye(6)
+        from_origin[:3, 3:] = -rotation.skew(self._reference_point)
+        by_twist, smooth = self._converged(feature, None, GEOMETRY_TOLERANCES.first_derivative)
+        by_twist = value_scale[:, None] * by_twist / twist_scale @ from_origin
+        rate, rate_by_twist = np.zeros(7), np.zeros((7, 6))
         if twist is not None:
-            local = to_origin @ twist / scale
-            speed = float(np.linalg.norm(local))
-            rate = by @ twist
+            local_twist = from_origin @ twist / twist_scale
+            speed = float(np.linalg.norm(local_twist))
+            rate = by_twist @ twist
             if speed > 0.0:
-                differences, second = self._converged(
-                    feature, local / speed, GEOMETRY_TOLERANCES.second_derivative
+                differences, second_smooth = self._converged(
+                    feature, local_twist / speed, GEOMETRY_TOLERANCES.second_derivative
                 )
-                rate_by = values[:, None] * differences * speed / scale @ to_origin
-                smooth = smooth and second
+                rate_by_twist = (
+                    value_scale[:, None] * differences * speed / twist_scale @ from_origin
+                )
+                smooth = smooth and second_smooth
         return Touch(
             self.pair,
             feature,
             self.links,
-            float(here[0]),
-            here[1:4],
-            here[4:7],
-            by,
+            float(row[0]),
+            row[1:4],
+            row[4:7],
+            by_twist,
             rate,
-            rate_by,
+            rate_by_twist,
             smooth,
         )
 
-    def _converged(self, feature: int, along: Array | None, tolerance: float) -> tuple[Array, bool]:
+    def _converged(
+        self, feature: int, direction: Array | None, tolerance: float
+    ) -> tuple[Array, bool]:
         """Differences (7, 6) at the largest step that agrees with the next, and whether any does.
 
         Args:
             feature: feature of the point.
-            along: (6,) unit twist along which rates are taken; None for first derivatives.
+            direction: (6,) unit twist along which rates are taken; None for first derivatives.
             tolerance: tolerance of the agreement.
         """
-        last: Array | None = None
+        previous: Array | None = None
         for h in GEOMETRY_TOLERANCES.steps:
-            differences = self._differences(h, along).get(feature)
+            differences = self._differences(h, direction).get(feature)
             if differences is None:
                 continue
-            if last is not None:
-                difference = float(np.max(np.abs(differences - last)))
-                if difference <= tolerance * max(1.0, float(np.max(np.abs(last)))):
-                    return last, True
-            last = differences
-        return (np.zeros((7, 6)) if last is None else last), False
+            if previous is not None:
+                difference = float(np.max(np.abs(differences - previous)))
+                if difference <= tolerance * max(1.0, float(np.max(np.abs(previous)))):
+                    return previous, True
+            previous = differences
+        return (np.zeros((7, 6)) if previous is None else previous), False
 
-    def _differences(self, h: float, along: Array | None) -> dict[int, Array]:
+    def _differences(self, h: float, direction: Array | None) -> dict[int, Array]:
         """Differences (7, 6) at a step, in units of the size, of all points that are not lost."""
-        key = h, None if along is None else along.tobytes()
+        key = h, None if direction is None else direction.tobytes()
         if key in self._cache:
             return self._cache[key]
-        single = (h * OFFSETS[:, None, None] * np.eye(6)).reshape(-1, 6)
-        if along is None:
-            moves = single[:, None]
+        displacements = (h * OFFSETS[:, None, None] * np.eye(6)).reshape(-1, 6)
+        if direction is None:
+            twists = displacements[:, None]
         else:  # rates along it, after a twist in each direction
-            then = np.tile(h * OFFSETS[:, None] * along, (36, 1))
-            moves = np.stack([np.repeat(single, 6, axis=0), then], axis=1)
-        margin = GEOMETRY_TOLERANCES.max_gap + GEOMETRY_TOLERANCES.max_separation * h * self._size
-        rows = self._touches(self._moved_poses(self._about, moves), margin)
-        out = {}
-        for feature, here in self.points.items():
-            own = rows[:, :, 0] == feature
-            if not np.all(np.any(own, axis=1)):
+            first_displacements = np.tile(h * OFFSETS[:, None] * direction, (36, 1))
+            twists = np.stack([np.repeat(displacements, 6, axis=0), first_displacements], axis=1)
+        margin = (
+            GEOMETRY_TOLERANCES.max_gap + GEOMETRY_TOLERANCES.max_separation * h * self._pair_size
+        )
+        rows = self._touches(self._moved_poses(self._reference_point, twists), margin)
+        differences = {}
+        for feature, row in self.points.items():
+            is_feature = rows[:, :, 0] == feature
+            if not np.all(np.any(is_feature, axis=1)):
                 continue
-            values = rows[np.arange(len(rows)), np.argmax(own, axis=1), 1:] - here
-            values[:, :4] /= self._size
-            if along is None:
-                shaped = values.reshape(len(OFFSETS), 6, 7)
-                out[feature] = np.einsum("o,ojc->cj", WEIGHTS, shaped) / h
+            values = rows[np.arange(len(rows)), np.argmax(is_feature, axis=1), 1:] - row
+            values[:, :4] /= self._pair_size
+            if direction is None:
+                value_grid = values.reshape(len(OFFSETS), 6, 7)
+                differences[feature] = np.einsum("o,ojc->cj", WEIGHTS, value_grid) / h
             else:
-                shaped = values.reshape(len(OFFSETS), 6, len(OFFSETS), 7)
-                inner = np.einsum("ojsc,s->ojc", shaped, WEIGHTS)
-                out[feature] = np.einsum("o,ojc->cj", WEIGHTS, inner) / h**2
-        self._cache[key] = out
-        return out
+                value_grid = values.reshape(len(OFFSETS), 6, len(OFFSETS), 7)
+                direction_differences = np.einsum("ojsc,s->ojc", value_grid, WEIGHTS)
+                differences[feature] = np.einsum("o,ojc->cj", WEIGHTS, direction_differences) / h**2
+        self._cache[key] = differences
+        return differences
 
-    def _moved_poses(self, about: Array, twists: Array) -> Array:
+    def _moved_poses(self, centre: Array, twists: Array) -> Array:
         """Poses (n, 12) of the first link after screw motions (n, k, 6) about a point, by size."""
         n = len(twists)
         R = np.broadcast_to(self._first[:9].reshape(3, 3).T, (n, 3, 3))
-        r = np.broadcast_to(self._first[9:] - about, (n, 3))
+        r = np.broadcast_to(self._first[9:] - centre, (n, 3))
         for twist in np.moveaxis(twists, 1, 0):
             w = twist[:, 3:]
-            turn = rotation.matrix(rotation.exp(w))
+            turn_matrix = rotation.matrix(rotation.exp(w))
             # exp of a twist moves the origin by V(w) v, with V(w) the left Jacobian.
-            carried = rotation.apply(rotation.right_jacobian(-w), self._size * twist[:, :3])
-            r = rotation.apply(turn, r) + carried
-            R = turn @ R
-        return np.concatenate([R.swapaxes(1, 2).reshape(n, 9), r + about], axis=1)
+            translation = rotation.apply(
+                rotation.right_jacobian(-w), self._pair_size * twist[:, :3]
+            )
+            r = rotation.apply(turn_matrix, r) + translation
+            R = turn_matrix @ R
+        return np.concatenate([R.swapaxes(1, 2).reshape(n, 9), r + centre], axis=1)
 
     def _touches(self, poses: Array, margin: float) -> Array:
         return self._library.touches(self._contacts, self.pair, poses, self._second, margin)
 
 
-def _size(solid: np.void) -> float:
+def _solid_size(solid: np.void) -> float:
     """The smallest radius or half edge of a solid [m]."""
     if solid["kind"] in (SolidKind.HALF_SPACE, SolidKind.HULL):
         return GEOMETRY_TOLERANCES.flat_size

@@ -39,30 +39,32 @@ def critical_step(
     names, k, c = _springs(marionette)
     if not names:
         return None
-    lead = np.broadcast_shapes(q_D.shape[:-1], q_K.shape[:-1])
-    n = int(np.prod(lead))
+    shape = np.broadcast_shapes(q_D.shape[:-1], q_K.shape[:-1])
+    n = int(np.prod(shape))
     q_D, q_K = (
-        np.broadcast_to(q, (*lead, q.shape[-1])).reshape(n, q.shape[-1]) for q in (q_D, q_K)
+        np.broadcast_to(q, (*shape, q.shape[-1])).reshape(n, q.shape[-1]) for q in (q_D, q_K)
     )
     critical: tuple[float, str] | None = None
     for first in range(0, len(q_D), _CHUNK_SIZE):
         chunk = slice(first, first + _CHUNK_SIZE)
         W = _columns(marionette, q_D[chunk], q_K[chunk])
-        inside = np.einsum("nik,njk->nij", W, W)
+        W_products = np.einsum("nik,njk->nij", W, W)
 
-        def largest(step: float, inside: Array = inside) -> tuple[float, int]:
+        def largest(step: float, W_products: Array = W_products) -> tuple[float, int]:
             root = np.sqrt(step * step * k + 2.0 * step * c)
-            sizes, vectors = np.linalg.eigh(root[:, None] * inside * root)
-            worst = int(np.argmax(sizes[:, -1]))
-            return float(sizes[worst, -1]), int(np.argmax(np.abs(vectors[worst, :, -1])))
+            eigenvalues, vectors = np.linalg.eigh(root[:, None] * W_products * root)
+            worst = int(np.argmax(eigenvalues[:, -1]))
+            return float(eigenvalues[worst, -1]), int(np.argmax(np.abs(vectors[worst, :, -1])))
 
         if not largest(dt)[0] > 4.0:
             continue
-        low, high = 0.0, dt
+        stable_dt, unstable_dt = 0.0, dt
         for _ in range(_N_HALVINGS):
-            middle = 0.5 * (low + high)
-            low, high = (low, middle) if largest(middle)[0] > 4.0 else (middle, high)
-        dt, critical = low, (low, names[largest(high)[1]])
+            middle = 0.5 * (stable_dt + unstable_dt)
+            stable_dt, unstable_dt = (
+                (stable_dt, middle) if largest(middle)[0] > 4.0 else (middle, unstable_dt)
+            )
+        dt, critical = stable_dt, (stable_dt, names[largest(unstable_dt)[1]])
     return critical
 
 
@@ -93,8 +95,8 @@ def _columns(marionette: CompiledPuppet, q_D: Array, q_K: Array) -> Array:
         if link.role is Role.DYNAMIC and marionette.number(link.stiffness) > 0.0:
             forces += [np.tile(row, (n, 1)) for row in np.eye(table.n_vD)[link.v]]
     for spring in tree.springs:
-        forces += [_pull(marionette, q_D, q_K, spring.points, axis) for axis in np.eye(3)]
-    return _solve_factor_transposed(marionette, q_D, q_K, forces)
+        forces += [_forces_of_pair(marionette, q_D, q_K, spring.points, axis) for axis in np.eye(3)]
+    return _times_inverse_factor(marionette, q_D, q_K, forces)
 
 
 def critical_step_of_tensions(
@@ -105,34 +107,34 @@ def critical_step_of_tensions(
     forces, k = [], []
     for string, pull in zip(marionette.tree.strings, tension, strict=True):
         for ends in pairwise(string.points) if pull > 0.0 else ():
-            d = _place(marionette, poses, ends[1]) - _place(marionette, poses, ends[0])
-            length = float(np.linalg.norm(d))
+            vector = _position(marionette, poses, ends[1]) - _position(marionette, poses, ends[0])
+            length = float(np.linalg.norm(vector))
             if ends[0].link == ends[1].link or length < _MIN_SEGMENT:
                 continue
-            for across in np.linalg.svd(d[None])[2][1:]:
-                forces.append(_pull(marionette, q_D, q_K, ends, across))
+            for normal_direction in np.linalg.svd(vector[None])[2][1:]:
+                forces.append(_forces_of_pair(marionette, q_D, q_K, ends, normal_direction))
                 k.append(pull / length)
     if not forces:
         return np.inf
-    root = np.sqrt(k)[:, None] * _solve_factor_transposed(marionette, q_D, q_K, forces)[0]
-    fastest = float(np.linalg.norm(root, 2))
-    return 2.0 / fastest if fastest > 0.0 else np.inf
+    scaled_forces = np.sqrt(k)[:, None] * _times_inverse_factor(marionette, q_D, q_K, forces)[0]
+    max_omega = float(np.linalg.norm(scaled_forces, 2))
+    return 2.0 / max_omega if max_omega > 0.0 else np.inf
 
 
-def _solve_factor_transposed(
+def _times_inverse_factor(
     marionette: CompiledPuppet, q_D: Array, q_K: Array, forces: list[Array]
 ) -> Array:
     """Forces (n, n_vD) multiplied by F^-T: (n, len(forces), n_vD)."""
     table, n = marionette.coordinates, len(q_D)
-    D, K = np.zeros((n, table.n_vD)), np.zeros((n, table.n_vK))
-    still = {"v_D": D, "u_D": D, "v_K": K, "acc_K": K, "p": marionette.p}
-    L = marionette.library.evaluate("dynamics", q_D=q_D, q_K=q_K, **still).L
+    zeros_D, zeros_K = np.zeros((n, table.n_vD)), np.zeros((n, table.n_vK))
+    at_rest = {"v_D": zeros_D, "u_D": zeros_D, "v_K": zeros_K, "acc_K": zeros_K, "p": marionette.p}
+    L = marionette.library.evaluate("dynamics", q_D=q_D, q_K=q_K, **at_rest).L
     return marionette.library.evaluate(
         "solve_factor_transposed", L=L[:, None], x=np.stack(forces, axis=1)
     ).y
 
 
-def _pull(
+def _forces_of_pair(
     marionette: CompiledPuppet, q_D: Array, q_K: Array, ends: tuple[Point, Point], axis: Array
 ) -> Array:
     """Generalised forces (n, n_vD) of opposite unit forces on two points."""
@@ -142,20 +144,24 @@ def _pull(
     for point, sign in zip(ends, (1.0, -1.0), strict=True):
         if point.link == WORLD:
             continue
-        at = np.array([marionette.number(x) for x in point.at])
-        at = at - _centre(marionette, marionette.tree.links[point.link])
-        arm = poses[:, point.link, :, :3] @ at
+        local_position = np.array([marionette.number(x) for x in point.at])
+        local_position = local_position - _centre(marionette, marionette.tree.links[point.link])
+        lever_arm = poses[:, point.link, :, :3] @ local_position
         wrench[:, point.link, :3] += sign * axis
-        wrench[:, point.link, 3:] += np.cross(arm, sign * axis)
+        wrench[:, point.link, 3:] += np.cross(lever_arm, sign * axis)
     return marionette.library.evaluate(
         "wrench_forces", q_D=q_D, q_K=q_K, wrench=wrench.swapaxes(1, 2), p=marionette.p
     ).u_D
 
 
-def _place(marionette: CompiledPuppet, poses: Array, point: Point) -> Array:
+def _position(marionette: CompiledPuppet, poses: Array, point: Point) -> Array:
     """Position (3,) of a point in the world [m]."""
-    at = np.array([marionette.number(x) for x in point.at])
-    return at if point.link == WORLD else poses[point.link, :, :3] @ at + poses[point.link, :, 3]
+    local_position = np.array([marionette.number(x) for x in point.at])
+    return (
+        local_position
+        if point.link == WORLD
+        else poses[point.link, :, :3] @ local_position + poses[point.link, :, 3]
+    )
 
 
 def _centre(marionette: CompiledPuppet, link: Link) -> Array:

@@ -38,7 +38,7 @@ class Evaluation:
     gamma: Array
 
     @classmethod
-    def of(
+    def at_state(
         cls,
         marionette: CompiledPuppet,
         x: State,
@@ -59,24 +59,26 @@ class Evaluation:
         library, tree, table = marionette.library, marionette.tree, marionette.coordinates
         acc_K, u_D = vector("acc_K", acc_K, table.n_vK), vector("u_D", u_D, table.n_vD)
         slip = marionette.states([x]).slip[0]
-        on = library.evaluate("dynamics", **marionette.at(x), acc_K=acc_K, u_D=u_D)
+        evaluated = library.evaluate("dynamics", **marionette.at(x), acc_K=acc_K, u_D=u_D)
         n_l = len(tree.limits)
         J = np.zeros((n_l, table.n_vD))
         limit, axis, velocity = tree.limit_entries
-        J[limit, velocity] = on.J_limit[axis, limit]
-        W_l = library.evaluate("solve_factor_transposed", L=on.L, x=J).y if n_l else J
+        J[limit, velocity] = evaluated.J_limit[axis, limit]
+        W_l = library.evaluate("solve_factor_transposed", L=evaluated.L, x=J).y if n_l else J
         # A winch that rewinds slip brakes before it stops.
-        speed = marionette.winches[:, WINCH_AT["rewind_speed"]]
-        braked = np.sqrt(2.0 * WINCH_DECELERATION * slip)
-        braking = np.where((braked > 0) & (braked < speed), WINCH_DECELERATION, 0.0)
+        rewind_speed = marionette.winches[:, WINCH_AT["rewind_speed"]]
+        braking_speed = np.sqrt(2.0 * WINCH_DECELERATION * slip)
+        deceleration = np.where(
+            (braking_speed > 0) & (braking_speed < rewind_speed), WINCH_DECELERATION, 0.0
+        )
         return cls(
             library,
-            on.L,
-            on.w0,
-            np.concatenate([on.W.T, W_l]).T,
-            np.concatenate([on.h - slip, on.h_limit]),
-            np.concatenate([on.hdot - marionette.rewinding(slip), J @ x.v_D]),
-            np.concatenate([on.gamma - braking, on.gamma_limit]),
+            evaluated.L,
+            evaluated.w0,
+            np.concatenate([evaluated.W.T, W_l]).T,
+            np.concatenate([evaluated.h - slip, evaluated.h_limit]),
+            np.concatenate([evaluated.hdot - marionette.rewinding(slip), J @ x.v_D]),
+            np.concatenate([evaluated.gamma - deceleration, evaluated.gamma_limit]),
         )
 
     def solve_factor(self, w: Array) -> Array:

@@ -45,8 +45,10 @@ class Flow:
     def __init__(self, marionette: CompiledPuppet, x0: State, inputs: Input | None = None):
         refuse_contact(marionette, "the flow for external integrators")
         check_start(marionette, x0)
-        motion = Input.hold(marionette, _HOLD_TIME).shifted(x0.t) if inputs is None else inputs
-        self._inputs = bind_input(marionette, motion, x0.q_K, x0.v_K, x0.t, x0.t)
+        inputs_or_hold = (
+            Input.hold(marionette, _HOLD_TIME).shifted(x0.t) if inputs is None else inputs
+        )
+        self._inputs = bind_input(marionette, inputs_or_hold, x0.q_K, x0.v_K, x0.t, x0.t)
         self._run = FrozenFlow(
             marionette.library,
             marionette.run_options(),
@@ -60,7 +62,7 @@ class Flow:
         table = marionette.coordinates
         self._table, self._n_qD, self._n_vD = table, table.n_qD, table.n_vD
         end = self._run.smooth_until(np.inf)
-        self.t_end = np.inf if inputs is None and end >= motion.end else end
+        self.t_end = np.inf if inputs is None and end >= inputs_or_hold.end else end
         self.t0, self.y0 = self._run.t, self._run.y
         self.rows = marionette.tree.row_names
         self.taut = self._run.active_set != 0

@@ -61,22 +61,24 @@ class Libraries:
         return solids_of_shapes(self.puppet.expanded(), self.tree)
 
     @cached_property
-    def sized(self) -> Tree:
+    def tree_with_solids(self) -> Tree:
         """The tree, with the number of these solids."""
-        more = sum(self.solids) - len(self.solids)
-        return dataclasses.replace(self.tree, n_pieces=more) if more else self.tree
+        n_extra_solids = sum(self.solids) - len(self.solids)
+        return (
+            dataclasses.replace(self.tree, n_pieces=n_extra_solids) if n_extra_solids else self.tree
+        )
 
     @cached_property
     def equations(self) -> Equations:
         """The symbolic equations and the CasADi functions made from them."""
         from fantoccini.kernel.equations import derive  # cached puppets derive nothing
 
-        return derive(self.sized)
+        return derive(self.tree_with_solids)
 
     @cached_property
     def library(self) -> Library:
         """The model and its event-driven and time-stepping runs."""
-        return self._library("model", lambda file: Library(file, self.sized))
+        return self._library("model", lambda file: Library(file, self.tree_with_solids))
 
     @cached_property
     def lanes(self) -> BatchLibrary:
@@ -86,17 +88,21 @@ class Libraries:
     @cached_property
     def clearances(self) -> ClearanceLibrary:
         """Library of distances from obstacles."""
-        return self._library("clearance", lambda file: ClearanceLibrary(file, self.sized.sizes))
+        return self._library(
+            "clearance", lambda file: ClearanceLibrary(file, self.tree_with_solids.sizes)
+        )
 
     @cached_property
     def rollouts(self) -> RolloutLibrary:
         """Library of rollouts for planners."""
-        return self._library("rollouts", lambda file: RolloutLibrary(file, self.sized.sizes))
+        return self._library(
+            "rollouts", lambda file: RolloutLibrary(file, self.tree_with_solids.sizes)
+        )
 
     @cached_property
     def variational(self) -> Library:
         """The variational integrator, for single runs."""
-        return self._library("variational", lambda file: Library(file, self.sized))
+        return self._library("variational", lambda file: Library(file, self.tree_with_solids))
 
     @cached_property
     def variational_lanes(self) -> BatchLibrary:
@@ -107,30 +113,34 @@ class Libraries:
     def derivatives(self) -> DerivativeLibrary:
         """The derivatives of the model, and of the smooth pieces of event-driven runs."""
         load = DerivativeLibrary
-        return self._library("derivatives", lambda file: load(file, self.sized.sizes))
+        return self._library("derivatives", lambda file: load(file, self.tree_with_solids.sizes))
 
     @cached_property
     def step_derivatives(self) -> StepDerivatives:
         """The derivatives of time steps."""
         load = StepDerivatives
-        return self._library("step_derivatives", lambda file: load(file, self.sized.sizes))
+        return self._library(
+            "step_derivatives", lambda file: load(file, self.tree_with_solids.sizes)
+        )
 
     @cached_property
     def gradients(self) -> GradientLibrary:
         """Library of time-stepped rollouts with gradients of their costs."""
-        return self._library("gradients", lambda file: GradientLibrary(file, self.sized.sizes))
+        return self._library(
+            "gradients", lambda file: GradientLibrary(file, self.tree_with_solids.sizes)
+        )
 
     @cached_property
     def variational_derivatives(self) -> Functions:
         """The derivatives of the discrete Euler-Lagrange equations."""
         return self._library(
-            "variational_derivatives", lambda file: Functions(file, self.sized.sizes)
+            "variational_derivatives", lambda file: Functions(file, self.tree_with_solids.sizes)
         )
 
     @cached_property
     def reach(self) -> ReachLibrary:
         """Library of the hanging poses nearest to given places."""
-        return self._library("reach", lambda file: ReachLibrary(file, self.sized.sizes))
+        return self._library("reach", lambda file: ReachLibrary(file, self.tree_with_solids.sizes))
 
     def batch_library_of(self, method: str) -> BatchLibrary:
         """The library for batches of a method."""
@@ -148,27 +158,27 @@ class Libraries:
 
         check_mass_matrix(self.puppet, self.tree)
         code = codegen.generate(self.equations, library)
-        facts = {"operations": code.operations}
-        more = {"units": code.units, "pieces": code.pieces, "shared_units": code.shared_units}
-        return build.Source(code.files, code.main, facts, **more)
+        metadata = {"operations": code.operations}
+        caching = {"units": code.units, "pieces": code.pieces, "shared_units": code.shared_units}
+        return build.Source(code.files, code.main, metadata, **caching)
 
     def _lanes(self, file: Path) -> BatchLibrary:
-        return BatchLibrary(Loaded(file, self.sized.sizes))
+        return BatchLibrary(Loaded(file, self.tree_with_solids.sizes))
 
     def _library(self, name: str, load: Callable[[Path], L]) -> L:
         """A library of ``contract.LIBRARIES``, from the cache or built now."""
         # Values of parameters are arguments of every function, and not compiled in.
         canonical = self.puppet.canonical(values=False)
-        more = self.sized.n_pieces
-        flags = (name, f"{more} more solids") if more else (name,)
+        n_extra_solids = self.tree_with_solids.n_pieces
+        flags = (name, f"{n_extra_solids} more solids") if n_extra_solids else (name,)
         key = build.fingerprint(canonical, build.code_fingerprint(*SOURCE_MODULES), flags=flags)
 
-        def obtained(rebuild: bool = False) -> Path:
+        def library_file(rebuild: bool = False) -> Path:
             files = partial(self.source_files, name)
             folder = build.obtain(key, files, progress=self.progress, rebuild=rebuild)
             return folder / build.LIBRARY
 
         try:
-            return load(obtained())
+            return load(library_file())
         except BuildError:
-            return load(obtained(rebuild=True))
+            return load(library_file(rebuild=True))

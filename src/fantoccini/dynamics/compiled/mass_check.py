@@ -43,10 +43,10 @@ def check_mass_matrix(
     Raises:
         PuppetError: a joint moves no mass; the message names the coordinates.
     """
-    present = tree.parameters if values is None else values
+    parameter_values = tree.parameters if values is None else values
 
     def number(value: Number) -> float:
-        return float(present[value.parameter] if isinstance(value, Parameter) else value)
+        return float(parameter_values[value.parameter] if isinstance(value, Parameter) else value)
 
     table = tree.coordinates
     names: list[str] = []
@@ -57,13 +57,14 @@ def check_mass_matrix(
             q_D = q_D + rng.normal(size=table.n_qD)
             for q, _ in table.quaternions_D:
                 q_D[q : q + 4] /= np.linalg.norm(q_D[q : q + 4])
-        names, what = _singular(tree, q_D, q_K, number)
+        names, property_text = _singular(tree, q_D, q_K, number)
         if not names:
             return
     owner = puppet.owner_of(names[0])
     file, line = puppet.locate(owner)
     text = (
-        f"the mass matrix {what}: look at {', '.join(names)}; give the bodies below this joint a "
+        f"the mass matrix {property_text}: look at {', '.join(names)}; give the bodies below "
+        "this joint a "
         "mass and an inertia that are positive and finite, or the joint an armature, or make it "
         "driven or fixed"
     )
@@ -74,15 +75,17 @@ def _singular(
     tree: Tree, q_D: Array, q_K: Array, number: Callable[[Number], float]
 ) -> tuple[list[str], str]:
     """Velocities of the singular joint nearest the leaves, and the property of its inertia."""
-    for i, held, D in joint_inertias(tree, q_D, q_K, number):
+    for i, inertia, D in joint_inertias(tree, q_D, q_K, number):
         names = np.array(tree.coordinates.v_D)[tree.links[i].v]
         if not np.all(np.isfinite(D)):
             return list(names), "is not finite"
-        size = np.diag(held)
-        scale = 1.0 / np.sqrt(np.maximum(size, TOLERANCES.zero_diagonal))
+        diagonal = np.diag(inertia)
+        scale = 1.0 / np.sqrt(np.maximum(diagonal, TOLERANCES.zero_diagonal))
         values, vectors = np.linalg.eigh(D * np.outer(scale, scale))
-        massless = size <= TOLERANCES.zero_diagonal
-        if values[0] <= TOLERANCES.min_eigenvalue or np.any(massless):
-            part = np.where(massless, 1.0, np.abs(vectors[:, 0]))
-            return list(names[part > TOLERANCES.named_share * np.max(part)]), "is singular"
+        is_massless = diagonal <= TOLERANCES.zero_diagonal
+        if values[0] <= TOLERANCES.min_eigenvalue or np.any(is_massless):
+            mode_share = np.where(is_massless, 1.0, np.abs(vectors[:, 0]))
+            return list(
+                names[mode_share > TOLERANCES.named_share * np.max(mode_share)]
+            ), "is singular"
     return [], ""

@@ -27,29 +27,30 @@ def parameter_rows(marionette: CompiledPuppet, values: Mapping[str, Array | floa
     """
     arrays = {name: floats(x) for name, x in (values or {}).items()}
     index, sizes = marionette.parameter_index, {}
-    wound = _parameters_of_winches(marionette)
+    winch_parameters = _parameters_of_winches(marionette)
     for name, x in arrays.items():
         if name not in index:
             raise UnknownNameError("parameter", name, tuple(index))
         if x.ndim > 1 or x.size == 0:
             raise ValueError(f"parameter {name} has the shape {x.shape}; needed: a number or (n,)")
         if not np.all(np.isfinite(x)):
-            bad = x[~np.isfinite(x)].flat[0]
-            raise StateError(f"parameter {name}: found {bad}; it must be a finite number")
-        if name in wound and np.any(x != marionette.p[index[name]]):
+            wrong_value = x[~np.isfinite(x)].flat[0]
+            raise StateError(f"parameter {name}: found {wrong_value}; it must be a finite number")
+        if name in winch_parameters and np.any(x != marionette.p[index[name]]):
             raise StateError(
-                f"parameter {name} belongs to the winch of {wound[name]}, which all runs share: "
+                f"parameter {name} belongs to the winch of {winch_parameters[name]}, which all "
+                "runs share: "
                 f"use marionette.with_parameters({{{name!r}: ...}})"
             )
         if x.ndim:
             sizes[name] = len(x)
     if len(set(sizes.values())) > 1:
-        listed = ", ".join(f"{n} of {name}" for name, n in sizes.items())
-        raise ValueError(f"parameters must have equal numbers of values; found {listed}")
+        counts_text = ", ".join(f"{n} of {name}" for name, n in sizes.items())
+        raise ValueError(f"parameters must have equal numbers of values; found {counts_text}")
     # The allowed values are an interval: checking both ends is enough.
-    for end in (np.min, np.max):
+    for extremum in (np.min, np.max):
         if arrays:
-            marionette.puppet.with_values({name: float(end(x)) for name, x in arrays.items()})
+            marionette.puppet.with_values({name: float(extremum(x)) for name, x in arrays.items()})
     rows = np.tile(marionette.p, (next(iter(sizes.values()), 1), 1))
     for name, x in arrays.items():
         rows[:, index[name]] = x

@@ -26,7 +26,7 @@ class PortablePuppet:
     meshes: dict[str, bytes]
 
     @classmethod
-    def of(cls, puppet: Puppet) -> PortablePuppet:
+    def from_puppet(cls, puppet: Puppet) -> PortablePuppet:
         """A puppet as plain data."""
         return cls(puppet.name, puppet.to_yaml(), mesh_files(puppet))
 

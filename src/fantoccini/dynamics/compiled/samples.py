@@ -24,18 +24,18 @@ class SampleLayout:
 
     def split(self, samples: Array) -> dict[str, Array]:
         """Parts (T, n) of samples (T, width); a single column is (T,)."""
-        return {name: samples[:, place] for name, place in self.places.items()}
+        return {name: samples[:, columns_of_part] for name, columns_of_part in self.columns.items()}
 
     def state(self, sample: Array) -> State:
         """The state in a sample (width,)."""
-        return State.of_sample(sample, self.places, self.tree.coordinates)
+        return State.of_sample(sample, self.columns, self.tree.coordinates)
 
     @cached_property
-    def places(self) -> dict[str, slice | int]:
+    def columns(self) -> dict[str, slice | int]:
         """Part name -> its columns, or the column of a single number."""
-        places: dict[str, slice | int] = {}
-        at = 0
+        columns: dict[str, slice | int] = {}
+        column = 0
         for part, width in zip(SAMPLE, self.widths.values(), strict=True):
-            places[part.name] = slice(at, at + width) if part.shape else at
-            at += width
-        return places
+            columns[part.name] = slice(column, column + width) if part.shape else column
+            column += width
+        return columns

@@ -59,39 +59,39 @@ class Screws:
         t, p = marionette.coordinates, marionette.p
         self.n_D, n_K = t.n_vD, t.n_vK
         n = self.n_D + n_K
-        self._moves, self._carries = relations(marionette.tree)
+        self._moves, self._carries = moving_and_carrying(marionette.tree)
         results = marionette.library.evaluate("screws", q_D=x.q_D, q_K=x.q_K, p=p)
         self.poses = results.poses.T
         self.s = np.concatenate([results.screw_D.T, results.screw_K.T])
         self._v = np.concatenate([x.v_D, x.v_K])
-        none_D, none_K = np.zeros(self.n_D), np.zeros(n_K)
-        acc_D, acc_K = none_D if acc_D is None else acc_D, none_K if acc_K is None else acc_K
+        zeros_D, zeros_K = np.zeros(self.n_D), np.zeros(n_K)
+        acc_D, acc_K = zeros_D if acc_D is None else acc_D, zeros_K if acc_K is None else acc_K
         self._a = np.concatenate([acc_D, acc_K])
-        ends = np.cumsum([0, self.n_D, self.n_D, n_K, n_K, n_K, self.n_D, len(p)])
-        self.n_columns = int(ends[-1])
-        places = [slice(a, b) for a, b in pairwise(ends)]
-        q_D, v_D, q_K, v_K, a_K, _, of_p = places
+        column_ends = np.cumsum([0, self.n_D, self.n_D, n_K, n_K, n_K, self.n_D, len(p)])
+        self.n_columns = int(column_ends[-1])
+        slices = [slice(a, b) for a, b in pairwise(column_ends)]
+        q_D, v_D, q_K, v_K, a_K, _, p_slice = slices
         self._dq, self._dv, self._da = (np.zeros((n, self.n_columns)) for _ in range(3))
-        for into, D, K in ((self._dq, q_D, q_K), (self._dv, v_D, v_K)):
-            into[: self.n_D, D], into[self.n_D :, K] = np.eye(self.n_D), np.eye(n_K)
+        for target, D, K in ((self._dq, q_D, q_K), (self._dv, v_D, v_K)):
+            target[: self.n_D, D], target[self.n_D :, K] = np.eye(self.n_D), np.eye(n_K)
         self._da[self.n_D :, a_K] = np.eye(n_K)
         self._dp = np.zeros((len(p), self.n_columns))
-        self._dp[:, of_p] = np.eye(len(p))
+        self._dp[:, p_slice] = np.eye(len(p))
         if changes is not None:
             self.n_columns = changes.shape[1]
-            ours = (self._dq, self._dv, self._da, self._dp)
-            self._dq, self._dv, self._da, self._dp = (columns @ changes for columns in ours)
-        self._by_parameters(marionette, x)
+            derivatives = (self._dq, self._dv, self._da, self._dp)
+            self._dq, self._dv, self._da, self._dp = (columns @ changes for columns in derivatives)
+        self._set_parameter_derivatives(marionette, x)
 
-    def _by_parameters(self, marionette: CompiledPuppet, x: State) -> None:
+    def _set_parameter_derivatives(self, marionette: CompiledPuppet, x: State) -> None:
         """Sets twists of the links (n_links, 6, n_p) and changes of the screws (n, 6, n_p) by p."""
         p, n_links = marionette.p, len(self.poses)
         self._xi_p, self._s_p = np.zeros((n_links, 6, len(p))), np.zeros((len(self.s), 6, len(p)))
         if not len(p):
             return
         step = PARAMETER_STEP * np.maximum(1.0, np.abs(p))
-        at = p + (OFFSETS[:, None, None] * np.diag(step)).reshape(-1, len(p))
-        results = marionette.library.evaluate("screws", q_D=x.q_D, q_K=x.q_K, p=at)
+        shifted_p = p + (OFFSETS[:, None, None] * np.diag(step)).reshape(-1, len(p))
+        results = marionette.library.evaluate("screws", q_D=x.q_D, q_K=x.q_K, p=shifted_p)
         screws = np.concatenate([results.screw_D, results.screw_K], axis=-1).swapaxes(-1, -2)
         self._s_p, poses = (
             np.einsum("o,opij->ijp", WEIGHTS, x.reshape(len(OFFSETS), len(p), *x.shape[1:])) / step
@@ -99,8 +99,8 @@ class Screws:
         )
         for i, pose in enumerate(self.poses):
             R, dR = pose[:9].reshape(3, 3).T, poses[i, :9].reshape(3, 3, -1).swapaxes(0, 1)
-            turn = np.einsum("ijp,kj->ikp", dR, R)
-            w = np.stack([turn[2, 1], turn[0, 2], turn[1, 0]])
+            rotation_rate = np.einsum("ijp,kj->ikp", dR, R)
+            w = np.stack([rotation_rate[2, 1], rotation_rate[0, 2], rotation_rate[1, 0]])
             self._xi_p[i] = np.concatenate([poses[i, 9:] - np.cross(w.T, pose[9:]).T, w])
 
     def twist(self, link: int) -> Array:
@@ -150,48 +150,48 @@ class Screws:
             return np.zeros((6, self.n_D))
         return np.asarray((self.s.T * self._moves[link])[:, : self.n_D])
 
-    def force_by(self, link: int, wrench: Array, by: Array) -> Array:
+    def force_by(self, link: int, wrench: Array, wrench_by: Array) -> Array:
         """Changes (n_vD, m) of the generalised forces of a wrench on a link.
 
         Args:
             link: index of the link.
             wrench: (6,) force and torque about the world's origin [N, N m].
-            by: (6, m) changes of the wrench.
+            wrench_by: (6, m) changes of the wrench.
         """
         if link == WORLD:
             return np.zeros((self.n_D, self.n_columns))
-        moved = self._moves[link][: self.n_D, None]
-        turned = np.einsum("kim,i->km", self._ds[: self.n_D], wrench)
-        return np.asarray(moved * (turned + self.s[: self.n_D] @ by))
+        moves = self._moves[link][: self.n_D, None]
+        turned_forces = np.einsum("kim,i->km", self._ds[: self.n_D], wrench)
+        return np.asarray(moves * (turned_forces + self.s[: self.n_D] @ wrench_by))
 
     @cached_property
-    def _carrier(self) -> Array:
+    def _carrier_twists(self) -> Array:
         """Twists Omega_k (n, 6) of the carriers of the axes."""
         return np.asarray((self._carries * self._v) @ self.s)
 
     @cached_property
     def _s_dot(self) -> Array:
         """Rates of the screws (n, 6)."""
-        return bracket(self._carrier, self.s)
+        return bracket(self._carrier_twists, self.s)
 
     @cached_property
     def _ds(self) -> Array:
         """Changes of the screws (n, 6, m)."""
-        moved = np.einsum("kj,jm,ji->kmi", self._carries, self._dq, self.s)
-        out = bracket(moved, self.s[:, None]).swapaxes(1, 2)
+        carrier_motions = np.einsum("kj,jm,ji->kmi", self._carries, self._dq, self.s)
+        out = bracket(carrier_motions, self.s[:, None]).swapaxes(1, 2)
         return np.asarray(out + self._s_p @ self._dp)
 
     @cached_property
     def _ds_dot(self) -> Array:
         """Changes of the screws' rates (n, 6, m)."""
-        d = self._ds.swapaxes(1, 2)
-        carrier = np.einsum("kj,j,jmi->kmi", self._carries, self._v, d)
-        carrier += np.einsum("kj,jm,ji->kmi", self._carries, self._dv, self.s)
-        out = bracket(carrier, self.s[:, None]) + bracket(self._carrier[:, None], d)
+        ds = self._ds.swapaxes(1, 2)
+        carrier_change = np.einsum("kj,j,jmi->kmi", self._carries, self._v, ds)
+        carrier_change += np.einsum("kj,jm,ji->kmi", self._carries, self._dv, self.s)
+        out = bracket(carrier_change, self.s[:, None]) + bracket(self._carrier_twists[:, None], ds)
         return np.asarray(out.swapaxes(1, 2))
 
 
-def relations(tree: Tree) -> tuple[Array, Array]:
+def moving_and_carrying(tree: Tree) -> tuple[Array, Array]:
     """Velocities that move each link (n_links, n) and carry each screw (n, n): 1, others 0."""
     t = tree.coordinates
     n = t.n_vD + t.n_vK
@@ -202,9 +202,9 @@ def relations(tree: Tree) -> tuple[Array, Array]:
         if link.role is Role.FIXED:
             continue
         first = link.v.start + (t.n_vD if link.role is Role.DRIVEN else 0)
-        own = np.arange(first, first + link.v.stop - link.v.start)
-        carries[own] = moves[i]
-        moves[i, own] = 1.0
-        turning = own[list(TURNS_WITH_LINK.get(link.kind, ()))]
-        carries[np.ix_(turning, own)] = 1.0
+        joint_velocities = np.arange(first, first + link.v.stop - link.v.start)
+        carries[joint_velocities] = moves[i]
+        moves[i, joint_velocities] = 1.0
+        turned_screws = joint_velocities[list(TURNS_WITH_LINK.get(link.kind, ()))]
+        carries[np.ix_(turned_screws, joint_velocities)] = 1.0
     return moves, carries

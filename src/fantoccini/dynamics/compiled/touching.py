@@ -56,7 +56,7 @@ def solids_of_shapes(puppet: Puppet, tree: Tree) -> tuple[int, ...]:
     return tuple(counts)
 
 
-def meeting_links(puppet: Puppet, tree: Tree) -> set[tuple[int, int]]:
+def touching_links(puppet: Puppet, tree: Tree) -> set[tuple[int, int]]:
     """Pairs of links, or of a link and the world, whose solids may touch by the rules of contact.
 
     The result depends on neither the compiled model nor the pose.
@@ -97,39 +97,45 @@ def contacts_of(
     solids, hulls, indices = _solids(puppet, parts, touching, counts)
     # A dented mesh is several solids, each of which may touch the partners of the mesh.
     pairs = [
-        (x, y, k)
-        for k, (a, b, _, _) in enumerate(part_pairs)
-        for x in indices[a]
-        for y in indices[b]
+        (first_solid, second_solid, pair_index)
+        for pair_index, (a, b, _, _) in enumerate(part_pairs)
+        for first_solid in indices[a]
+        for second_solid in indices[b]
     ]
     links = solids["link"].tolist()
     pairs.sort(key=lambda pair: (links[pair[0]], links[pair[1]], pair[1], pair[0]))
-    part_pair_of = [k for _, _, k in pairs]
-    table = Contacts(
+    part_pair_of = [pair_index for _, _, pair_index in pairs]
+    contacts = Contacts(
         solids=solids,
         pairs=np.array([pair[:2] for pair in pairs], dtype=np.int32).reshape(-1, 2),
-        friction=np.array([part_pairs[k][2] for k in part_pair_of]),
-        restitution=np.array([part_pairs[k][3] for k in part_pair_of]),
+        friction=np.array([part_pairs[pair_index][2] for pair_index in part_pair_of]),
+        restitution=np.array([part_pairs[pair_index][3] for pair_index in part_pair_of]),
         names=tuple(
-            (parts[part_pairs[k][0]].name, parts[part_pairs[k][1]].name) for k in part_pair_of
+            (parts[part_pairs[pair_index][0]].name, parts[part_pairs[pair_index][1]].name)
+            for pair_index in part_pair_of
         ),
         hulls=hulls,
     )
     coordinates = tree.coordinates
     p = np.array(list(tree.parameters.values()), dtype=float)
-    gaps = library.gaps(table, coordinates.start_D, np.nan_to_num(coordinates.start_K), p)
+    gaps = library.gaps(contacts, coordinates.start_D, np.nan_to_num(coordinates.start_K), p)
     excluded = {
-        k
-        for k, gap in zip(part_pair_of, gaps, strict=True)
+        pair_index
+        for pair_index, gap in zip(part_pair_of, gaps, strict=True)
         if gap < -MAX_START_OVERLAP
-        and _same_moving_tree(tree, *(parts[i].link for i in part_pairs[k][:2]))
+        and _same_moving_tree(tree, *(parts[i].link for i in part_pairs[pair_index][:2]))
     }
-    selected = np.array([k not in excluded for k in part_pair_of], dtype=np.bool_)
-    sides = [(parts[part_pairs[k][0]].link, parts[part_pairs[k][1]].link) for k in part_pair_of]
-    dynamic = np.array(
-        [_has_relative_motion(tree, a, b, Role.DYNAMIC) for a, b in sides], dtype=np.bool_
+    is_selected = np.array(
+        [pair_index not in excluded for pair_index in part_pair_of], dtype=np.bool_
     )
-    return table.subset(selected & dynamic), table.subset(selected & ~dynamic)
+    links_of_pair = [
+        (parts[part_pairs[pair_index][0]].link, parts[part_pairs[pair_index][1]].link)
+        for pair_index in part_pair_of
+    ]
+    is_dynamic = np.array(
+        [_has_relative_motion(tree, a, b, Role.DYNAMIC) for a, b in links_of_pair], dtype=np.bool_
+    )
+    return contacts.subset(is_selected & is_dynamic), contacts.subset(is_selected & ~is_dynamic)
 
 
 def _parts(puppet: Puppet, tree: Tree) -> tuple[list[_Part], list[_Part]]:
@@ -164,7 +170,7 @@ def _solids(
         elif i in touching:
             part_hulls = _hulls(puppet, part.shape, part.name)
             if i < len(counts) and len(part_hulls) != counts[i]:
-                raise _refusal(
+                raise _mesh_error(
                     puppet,
                     part.name,
                     f"{part.shape.file} is not convex, and touched nothing when "
@@ -182,10 +188,10 @@ def _hulls(puppet: Puppet, shape: Mesh, name: str) -> tuple[Hull, ...]:
     try:
         return mesh_hulls(shape)
     except ValueError as reason:
-        raise _refusal(puppet, name, str(reason)) from None
+        raise _mesh_error(puppet, name, str(reason)) from None
 
 
-def _refusal(puppet: Puppet, name: str, reason: str) -> PuppetError:
+def _mesh_error(puppet: Puppet, name: str, reason: str) -> PuppetError:
     file, line = puppet.locate(name)
     return PuppetError([Mistake(file, line, f"shapes of {name}", reason)])
 
@@ -198,34 +204,38 @@ def _pairs(
         for b, second in enumerate([*of_links[:a], *standing]):
             index = b if b < a else len(of_links) + b - a
             links = first.link, second.link
-            moves = _has_relative_motion(tree, *links, Role.DYNAMIC) or _has_relative_motion(
+            has_motion = _has_relative_motion(tree, *links, Role.DYNAMIC) or _has_relative_motion(
                 tree, *links, Role.DRIVEN
             )
-            if moves and not _joined(tree, first, second):
-                group = _group(puppet, first, second)
-                result = _rule(puppet, rules, first.name, second.name, group)
-                if result is not None:
-                    yield a, index, *result
+            if has_motion and not _joined(tree, first, second):
+                group = _group_of_pair(puppet, first, second)
+                rule = _rule(puppet, rules, first.name, second.name, group)
+                if rule is not None:
+                    yield a, index, *rule
 
 
 def _has_relative_motion(tree: Tree, a: int, b: int, role: Role) -> bool:
     """Whether a coordinate of a role moves one link relative to the other."""
-    paths = [{i for i in tree.ancestors(link) if tree.links[i].role is role} for link in (a, b)]
-    return paths[0] != paths[1]
+    moving_ancestors = [
+        {i for i in tree.ancestors(link) if tree.links[i].role is role} for link in (a, b)
+    ]
+    return moving_ancestors[0] != moving_ancestors[1]
 
 
 def _same_moving_tree(tree: Tree, a: int, b: int) -> bool:
     """Whether two links have a common ancestor that is not fixed in the world."""
-    paths = [{i for i in tree.ancestors(x) if _rigid_root(tree, i) != WORLD} for x in (a, b)]
-    return bool(paths[0] & paths[1])
+    moving_ancestors = [
+        {i for i in tree.ancestors(x) if _rigid_root(tree, i) != WORLD} for x in (a, b)
+    ]
+    return bool(moving_ancestors[0] & moving_ancestors[1])
 
 
 def _joined(tree: Tree, a: _Part, b: _Part) -> bool:
     """Whether one joint connects two bodies, or both are the same body."""
     if WORLD in (a.link, b.link):
         return False
-    this, other = _rigid_root(tree, a.link), _rigid_root(tree, b.link)
-    return this == other or other == _carrier(tree, this) or this == _carrier(tree, other)
+    root_a, root_b = _rigid_root(tree, a.link), _rigid_root(tree, b.link)
+    return root_a == root_b or root_b == _carrier(tree, root_a) or root_a == _carrier(tree, root_b)
 
 
 def _rigid_root(tree: Tree, link: int) -> int:
@@ -237,38 +247,43 @@ def _rigid_root(tree: Tree, link: int) -> int:
 
 def _carrier(tree: Tree, link: int) -> int:
     """Nearest ancestor of a link that has a shape, represented by its :func:`_rigid_root`."""
-    shaped = {_rigid_root(tree, i) for i, other in enumerate(tree.links) if other.shapes}
+    roots_with_shapes = {
+        _rigid_root(tree, i) for i, descendant in enumerate(tree.links) if descendant.shapes
+    }
     while link != WORLD:
         link = _rigid_root(tree, tree.links[link].parent)
-        if link in shaped:
+        if link in roots_with_shapes:
             return link
     return WORLD
 
 
-def _group(puppet: Puppet, a: _Part, b: _Part) -> Group:
+def _group_of_pair(puppet: Puppet, a: _Part, b: _Part) -> Group:
     """Group of the second part, seen from the first."""
     if b.link == WORLD:
         return "floor" if b.name == FLOOR else "obstacles"
-    owners = puppet.member_of(a.name), puppet.member_of(b.name)
-    if set(owners) & set(puppet.props):
+    members = puppet.member_of(a.name), puppet.member_of(b.name)
+    if set(members) & set(puppet.props):
         return "props"
-    return "self" if owners[0] == owners[1] else "puppets"
+    return "self" if members[0] == members[1] else "puppets"
 
 
 def _rule(
     puppet: Puppet, rules: Contact, a: str, b: str, group: Group
 ) -> tuple[float, float] | None:
     """Friction and restitution of two parts; None if they do not touch."""
-    friction, restitution, meet = rules.friction, rules.restitution, group in rules.meets
-    owned = [{name, puppet.member_of(name)} for name in (a, b)]
+    friction, restitution, touches = rules.friction, rules.restitution, group in rules.meets
+    names_and_members = [{name, puppet.member_of(name)} for name in (a, b)]
     for pair in rules.pairs:
-        this, other = pair.between
-        if not any(this in x and other in y for x, y in (owned, owned[::-1])):
+        first_name, second_name = pair.between
+        if not any(
+            first_name in names_a and second_name in names_b
+            for names_a, names_b in (names_and_members, names_and_members[::-1])
+        ):
             continue
-        meet = pair.meet
+        touches = pair.meet
         friction = friction if pair.friction is None else pair.friction
         restitution = restitution if pair.restitution is None else pair.restitution
-    return (friction, restitution) if meet else None
+    return (friction, restitution) if touches else None
 
 
 def overlaps(
@@ -276,9 +291,9 @@ def overlaps(
 ) -> dict[str, float]:
     """Names of pairs that overlap by more than a depth [m] at a configuration -> overlap [m]."""
     gaps = library.gaps(contacts, q_D, q_K, p)
-    result: dict[str, float] = {}
+    overlap_by_pair: dict[str, float] = {}
     for names, gap in zip(contacts.names, gaps, strict=True):
         if gap < -depth:
             name = pair_name(names)
-            result[name] = max(result.get(name, 0.0), -float(gap))
-    return result
+            overlap_by_pair[name] = max(overlap_by_pair.get(name, 0.0), -float(gap))
+    return overlap_by_pair

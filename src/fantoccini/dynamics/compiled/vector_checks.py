@@ -26,6 +26,8 @@ def vectors(name: str, values: ArrayLike, n: int) -> Array:
     if not array.ndim or array.shape[-1] != n:
         raise StateError(f"{name} has the shape {array.shape}; it must be (..., {n})")
     if not np.isfinite(array).all():
-        at = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
-        raise StateError(f"{name}[{', '.join(map(str, at))}] is {array[at]}; it must be finite")
+        index = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
+        raise StateError(
+            f"{name}[{', '.join(map(str, index))}] is {array[index]}; it must be finite"
+        )
     return array

@@ -37,11 +37,13 @@ def checked_winches(tree: Tree, winches: Array) -> Array:
             f"winches have the shape {table.shape}; it must be {shape}: largest tension, rewinding "
             "speed and restitution of every string"
         )
-    for string, (highest, rewind, bounces) in zip(tree.strings, table, strict=True):
-        if not (highest > 0.0 and 0.0 <= rewind < np.inf and 0.0 <= bounces <= 1.0):
+    for string, (max_tension, rewind_speed, restitution) in zip(tree.strings, table, strict=True):
+        if not (max_tension > 0.0 and 0.0 <= rewind_speed < np.inf and 0.0 <= restitution <= 1.0):
             raise StateError(
-                f"winch of {string.name}: found a largest tension of {highest:g} N, rewinding at "
-                f"{rewind:g} m/s and a restitution of {bounces:g}; they must be above 0, at "
+                f"winch of {string.name}: found a largest tension of {max_tension:g} N, "
+                "rewinding at "
+                f"{rewind_speed:g} m/s and a restitution of {restitution:g}; they must be above "
+                "0, at "
                 "least 0 and finite, and 0 to 1"
             )
     return table

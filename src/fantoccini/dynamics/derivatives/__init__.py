@@ -19,8 +19,8 @@ from fantoccini.dynamics.derivatives.linearisation import (
     Linearisation,
     Partials,
     linearise,
+    rotation_rate_blocks,
     row_derivatives_at,
-    turning,
 )
 from fantoccini.dynamics.derivatives.mode_system import ModeSystem, solve_in_modes
 from fantoccini.dynamics.derivatives.rollout_gradient import Rollout, RolloutGradient, rollout
@@ -62,8 +62,8 @@ __all__ = [
     "linearise_steps",
     "motion_at",
     "rollout",
+    "rotation_rate_blocks",
     "row_derivatives_at",
     "solve_in_modes",
-    "turning",
     "with_active_set",
 ]

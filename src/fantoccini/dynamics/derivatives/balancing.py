@@ -17,7 +17,7 @@ import numpy as np
 from fantoccini.base import Array, StateError
 from fantoccini.dynamics.compiled import CompiledPuppet, Evaluation, Screws, retract
 from fantoccini.dynamics.derivatives.contact_rows import ContactRows
-from fantoccini.dynamics.derivatives.contact_state import FrozenModes, Resting, motion_at
+from fantoccini.dynamics.derivatives.contact_state import FrozenModes, RestMotion, motion_at
 from fantoccini.dynamics.derivatives.mode_system import ModeSystem
 from fantoccini.dynamics.derivatives.small_motions import free_directions, held_rows
 from fantoccini.motion import State
@@ -46,15 +46,15 @@ def balanced_state(marionette: CompiledPuppet, x: State) -> State:
     The active strings, limits and contacts stay the same. Without convergence the result is the
     state of the smallest acceleration on the way.
     """
-    best, smallest = x, np.inf
+    best_state, least_acceleration = x, np.inf
     for _ in range(BALANCE.max_rounds):
         try:
             motion = motion_at(marionette, x)
-            remaining = float(np.max(np.abs(motion.acc_D), initial=0.0))
-            if not remaining < smallest:
+            acceleration = float(np.max(np.abs(motion.acc_D), initial=0.0))
+            if not acceleration < least_acceleration:
                 break
-            best, smallest = x, remaining
-            if remaining <= BALANCE.max_rest_acceleration:
+            best_state, least_acceleration = x, acceleration
+            if acceleration <= BALANCE.max_rest_acceleration:
                 break
             move = _newton_move(marionette, x, motion)
         except StateError:
@@ -62,20 +62,22 @@ def balanced_state(marionette: CompiledPuppet, x: State) -> State:
         if not 0.0 < np.max(np.abs(move), initial=0.0) < BALANCE.max_move:
             break
         x = x.replace(q_D=retract(marionette, x.q_D, move))
-    return best
+    return best_state
 
 
-def _newton_move(marionette: CompiledPuppet, x: State, motion: Resting) -> Array:
+def _newton_move(marionette: CompiledPuppet, x: State, motion: RestMotion) -> Array:
     """Move (n_vD,) after which the accelerations are 0 to first order."""
     held, points = held_rows(marionette, motion.tension), motion.contacts.points
     still_D, still_K = np.zeros_like(x.v_D), np.zeros_like(x.v_K)
-    at, frozen = Evaluation.of(marionette, x), FrozenModes(marionette, points)
+    evaluation, frozen = Evaluation.at_state(marionette, x), FrozenModes(marionette, points)
     rows = ContactRows(Screws(marionette, x, still_D, still_K), points, 0.0)
-    N = free_directions(at, ModeSystem(at, held, rows))
+    N = free_directions(evaluation, ModeSystem(evaluation, held, rows))
 
     def accelerations(move: Array) -> Array:
-        near = x.replace(q_D=retract(marionette, x.q_D, move))
-        return frozen.moving(Evaluation.of(marionette, near), near, still_K, held)[0]
+        nearby = x.replace(q_D=retract(marionette, x.q_D, move))
+        return frozen.accelerations_and_forces(
+            Evaluation.at_state(marionette, nearby), nearby, still_K, held
+        )[0]
 
     columns = []
     for direction in N.T:
@@ -84,7 +86,7 @@ def _newton_move(marionette: CompiledPuppet, x: State, motion: Resting) -> Array
         columns.append(difference / (2.0 * step))
     if not columns:
         return still_D
-    inverse_F = at.solve_factor(np.eye(len(still_D))).T
+    inverse_F = evaluation.solve_factor(np.eye(len(still_D))).T
     U = np.linalg.solve(inverse_F, N)
     K = -U.T @ np.linalg.solve(inverse_F, np.stack(columns, axis=1))
     cutoff = BALANCE.zero_stiffness / max(float(np.linalg.norm(K, 2)), BALANCE.zero_stiffness)

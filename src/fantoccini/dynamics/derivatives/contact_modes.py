@@ -46,14 +46,14 @@ class Contacts:
     edges: tuple[str, ...]
 
 
-def still_speed(screws: Screws) -> float:
+def speed_tolerance(screws: Screws) -> float:
     """Speed that counts as zero beside the links' motion [m/s]."""
     speeds = [float(np.max(np.abs(screws.twist(i)))) for i in range(len(screws.poses))]
     return TOLERANCES.speed * max(1.0, *speeds)
 
 
 def geometries(
-    marionette: CompiledPuppet, screws: Screws, x: State, more: Sequence[int] = ()
+    marionette: CompiledPuppet, screws: Screws, x: State, extra_pairs: Sequence[int] = ()
 ) -> list[PairGeometry]:
     """Geometries of all pairs near enough to touch at a state, and of additional pairs.
 
@@ -61,18 +61,18 @@ def geometries(
         marionette: the puppet.
         screws: screws of the links at the state.
         x: the state.
-        more: indices of additional pairs.
+        extra_pairs: indices of additional pairs.
     """
     contacts = marionette.contacts
     if contacts is None:
         return []
     gaps = marionette.library.gaps(contacts, x.q_D, x.q_K, marionette.p)
-    near = np.union1d(np.flatnonzero(np.isfinite(gaps)), np.asarray(more, dtype=int))
+    near = np.union1d(np.flatnonzero(np.isfinite(gaps)), np.asarray(extra_pairs, dtype=int))
     return [PairGeometry(marionette, screws.poses, int(pair)) for pair in near]
 
 
 def mode_of(
-    mu: float, n: Array, force: Array, u: Array, still: float
+    mu: float, n: Array, force: Array, u: Array, rest_speed: float
 ) -> tuple[ContactMode, Array, bool, str]:
     """Mode, direction of sliding, whether it turns with u, and text on the edge of two modes.
 
@@ -80,17 +80,17 @@ def mode_of(
         mu: coefficient of friction.
         n: (3,) normal.
         force, u: (3,) force on the first solid, and its velocity relative to the second.
-        still: speed that counts as zero [m/s].
+        rest_speed: speed that counts as zero [m/s].
     """
     zeros = np.zeros(3)
     if mu == 0.0:
         return ContactMode.SLIDE, zeros, False, ""
     u_T, f_T = u - n * (n @ u), force - n * (n @ force)
-    speed, size = float(np.linalg.norm(u_T)), float(np.linalg.norm(f_T))
-    if speed > still:
+    speed, friction_force = float(np.linalg.norm(u_T)), float(np.linalg.norm(f_T))
+    if speed > rest_speed:
         return ContactMode.SLIDE, u_T / speed, True, ""
-    strained = size > (1.0 - TOLERANCES.cone) * mu * (n @ force)
-    return ContactMode.STICK, zeros, False, "sticks at the edge of its cone" if strained else ""
+    at_cone = friction_force > (1.0 - TOLERANCES.cone) * mu * (n @ force)
+    return ContactMode.STICK, zeros, False, "sticks at the edge of its cone" if at_cone else ""
 
 
 def closed_without_force(
@@ -110,37 +110,39 @@ def closed_without_force(
     rows = [p.directions @ _subspace(screws, p.touch.links, p.touch.point) for p in held]
     basis = np.concatenate([*rows, np.zeros((0, screws.n_D))])
     _, s, vt = np.linalg.svd(basis, full_matrices=False)
-    span = vt[s > TOLERANCES.dependence * np.max(s, initial=0.0)]
+    row_space = vt[s > TOLERANCES.dependence * np.max(s, initial=0.0)]
     edges = []
-    for name, pair, feature, opens in open_points:
-        if opens > still:
+    for name, pair, feature, opening_speed in open_points:
+        if opening_speed > still:
             continue
         values = pair.points[feature]
         row = values[4:] @ _subspace(screws, pair.links, values[1:4])
-        rest = row - span.T @ (span @ row)
-        if np.linalg.norm(rest) > TOLERANCES.dependence * np.linalg.norm(row):
+        remainder = row - row_space.T @ (row_space @ row)
+        if np.linalg.norm(remainder) > TOLERANCES.dependence * np.linalg.norm(row):
             edges.append(f"{name}: touches without force")
-        elif _slides_askew(pair.velocity(screws, values[1:4]), values[4:], pair.pair, held, still):
+        elif _slides_elsewhere(
+            pair.velocity(screws, values[1:4]), values[4:], pair.pair, held, still
+        ):
             edges.append(f"{name}: touches without force, and slides askew of those that push")
     return edges
 
 
-def _slides_askew(
+def _slides_elsewhere(
     u: Array, normal: Array, pair: int, held: Sequence[HeldPoint], still: float
 ) -> bool:
     """Whether friction at velocity u has another direction than at the held points.
 
     A nearby motion may then load this point instead of those, and turn differently.
     """
-    across = u - normal * (normal @ u)
-    speed = float(np.linalg.norm(across))
+    tangential = u - normal * (normal @ u)
+    speed = float(np.linalg.norm(tangential))
     return any(
         point.pair == pair
         and point.mode is ContactMode.SLIDE
         and point.friction > 0.0
         and (
             speed <= still
-            or np.linalg.norm(np.cross(point.along, across)) > TOLERANCES.sliding_angle * speed
+            or np.linalg.norm(np.cross(point.along, tangential)) > TOLERANCES.sliding_angle * speed
         )
         for point in held
     )

@@ -60,15 +60,15 @@ class HeldPoint(PointMode):
         touch: place of the point, and its derivatives.
         force: (3,) force on the first solid, in the world [N].
         velocity: (3,) velocity u of the first solid relative to the second [m/s].
-        closes: d(gap speed)/d(gap) in the normal row [1/s]: 1/dt for fixed steps.
-        bounces: restitution in the normal row.
+        closing_rate: d(gap speed)/d(gap) in the normal row [1/s]: 1/dt for fixed steps.
+        restitution: restitution in the normal row.
     """
 
     touch: Touch
     force: Array
     velocity: Array
-    closes: float = 0.0
-    bounces: float = 0.0
+    closing_rate: float = 0.0
+    restitution: float = 0.0
 
     @property
     def directions(self) -> Array:
@@ -89,16 +89,23 @@ class HeldPoint(PointMode):
         return np.asarray(self.directions @ self.force)
 
     @classmethod
-    def of(cls, point: PointMode, touch: Touch, force: Array, velocity: Array) -> HeldPoint:
+    def in_mode(cls, point: PointMode, touch: Touch, force: Array, velocity: Array) -> HeldPoint:
         """A point with its touch, force and velocity."""
-        own = (point.name, point.pair, point.feature, point.mode, point.friction, point.along)
-        return cls(*own, point.turns, touch, force, velocity)
+        mode_fields = (
+            point.name,
+            point.pair,
+            point.feature,
+            point.mode,
+            point.friction,
+            point.along,
+        )
+        return cls(*mode_fields, point.turns, touch, force, velocity)
 
 
 def tangents(normal: Array) -> Array:
     """Unit vectors (2, 3) across a normal and each other."""
-    first = -perpendicular(normal)
-    return np.stack([first, cross(normal, first)])
+    first_tangent = -perpendicular(normal)
+    return np.stack([first_tangent, cross(normal, first_tangent)])
 
 
 @dataclass(eq=False)
@@ -129,7 +136,7 @@ class ContactRows(HeldRows):
 
     def __init__(self, screws: Screws, points: Sequence[HeldPoint], step: float):
         self._screws, self._step = screws, step
-        self._at = [_Moving(screws, point) for point in points]
+        self._at = [_MovingPoint(screws, point) for point in points]
         n = screws.n_D
         super().__init__(
             ", ".join(dict.fromkeys(point.name for point in points)),
@@ -166,22 +173,24 @@ class ContactRows(HeldRows):
         """Changes (k, m) of :meth:`accelerations` at fixed acc_D."""
         return _stacked([at.acceleration_by() for at in self._at], self._screws.n_columns)
 
-    def push_by(self, by: Array, acc_by: Array) -> Array:
+    def push_by(self, multiplier_changes: Array, acc_changes: Array) -> Array:
         """Changes (3 points, m) of the forces, in the world.
 
         Args:
-            by: (k, m) changes of the multipliers.
-            acc_by: (n_vD, m) changes of acc_D.
+            multiplier_changes: (k, m) changes of the multipliers.
+            acc_changes: (n_vD, m) changes of acc_D.
         """
-        out, first = [], 0
+        changes, first = [], 0
         for at in self._at:
             last = first + len(at.point.directions)
-            out.append(at.push_by(by[first:last], self._step * at.U @ acc_by))
+            changes.append(
+                at.push_by(multiplier_changes[first:last], self._step * at.U @ acc_changes)
+            )
             first = last
-        return _stacked(out, self._screws.n_columns)
+        return _stacked(changes, self._screws.n_columns)
 
 
-class _Moving:
+class _MovingPoint:
     """A point with the changes of P, n, gap and u."""
 
     def __init__(self, screws: Screws, point: HeldPoint):
@@ -191,13 +200,13 @@ class _Moving:
         a, b = touch.links
         self.U = _at_point(screws.subspace(a) - screws.subspace(b), self.P)
         self._pose_b, self._twist_b = screws.pose_by(b), screws.twist(b)
-        self._apart = screws.pose_by(a) - self._pose_b  # xi_1 - xi_2
+        self._relative_pose_by = screws.pose_by(a) - self._pose_b  # xi_1 - xi_2
         self._twist = screws.twist(a) - self._twist_b
         self._twist_by = screws.twist_by(a) - screws.twist_by(b)
-        moved = touch.by @ self._apart
-        self.gap_by = moved[0]
-        self.P_by = moved[1:4] + _at_point(self._pose_b, self.P)
-        self.n_by = moved[4:] + _cross(self._pose_b[3:], self.n)
+        changes = touch.by_twist @ self._relative_pose_by
+        self.gap_by = changes[0]
+        self.P_by = changes[1:4] + _at_point(self._pose_b, self.P)
+        self.n_by = changes[4:] + _cross(self._pose_b[3:], self.n)
         self.u = self._twist[:3] + _cross(self._twist[3:], self.P)
         self.u_by = _at_point(self._twist_by, self.P) + _cross(self._twist[3:], self.P_by)
 
@@ -207,69 +216,69 @@ class _Moving:
 
     def drag(self, step: float) -> Array:
         """Row z (0 or 1, n_vD) with z^T z acc_D the force from the turning of friction."""
-        point, d = self.point, self.point.along
+        point, direction = self.point, self.point.along
         if point.mode is ContactMode.STICK or not point.turns or step == 0.0:
             return np.zeros((0, self.screws.n_D))
-        size = point.friction * float(self.n @ point.force) * step / self._speed
-        return np.sqrt(size) * (_cross(self.n, d) @ self.U)[None]
+        factor = point.friction * float(self.n @ point.force) * step / self._speed
+        return np.sqrt(factor) * (_cross(self.n, direction) @ self.U)[None]
 
-    def _turned(self, u_by: Array) -> Array:
+    def _turned_force(self, u_by: Array) -> Array:
         """Changes (3, m) of f at fixed multipliers for changes of u."""
         n, point = self.n, self.point
         if not point.turns:
             return _cross(_cross(n, self.n_by), point.force)
-        d = point.along
-        across = u_by - np.outer(n, n @ u_by)
-        across -= self.n_by * (n @ self.u) + np.outer(n, self.u @ self.n_by)
-        d_by = (across - np.outer(d, d @ across)) / self._speed
-        return (n @ point.force) * (self.n_by - point.friction * d_by)
+        direction = point.along
+        tangential = u_by - np.outer(n, n @ u_by)
+        tangential -= self.n_by * (n @ self.u) + np.outer(n, self.u @ self.n_by)
+        direction_by = (tangential - np.outer(direction, direction @ tangential)) / self._speed
+        return (n @ point.force) * (self.n_by - point.friction * direction_by)
 
     def force_by(self) -> Array:
         """Changes (n_vD, m) of Q at fixed multipliers and acc_D."""
         f, screws, (a, b) = self.point.force, self.screws, self.point.touch.links
-        f_by = self._turned(self.u_by)
+        f_by = self._turned_force(self.u_by)
         wrench = np.concatenate([f, _cross(self.P, f)])
-        by = np.concatenate([f_by, _cross(self.P_by, f) + _cross(self.P, f_by)])
-        return screws.force_by(a, wrench, by) - screws.force_by(b, wrench, by)
+        wrench_by = np.concatenate([f_by, _cross(self.P_by, f) + _cross(self.P, f_by)])
+        return screws.force_by(a, wrench, wrench_by) - screws.force_by(b, wrench, wrench_by)
 
-    def push_by(self, by: Array, more: Array) -> Array:
-        """Changes (3, m) of f; ``more`` are changes of u through acc_D."""
-        return self.point.pushes.T @ by + self._turned(self.u_by + more)
+    def push_by(self, multiplier_changes: Array, extra_u_by: Array) -> Array:
+        """Changes (3, m) of f; ``extra_u_by`` are changes of u through acc_D."""
+        return self.point.pushes.T @ multiplier_changes + self._turned_force(self.u_by + extra_u_by)
 
     def velocity_by(self) -> Array:
-        out = -self._along(self.u, self.u_by)
-        out[0] -= self.point.closes * self.gap_by
+        out = -self._along_directions(self.u, self.u_by)
+        out[0] -= self.point.closing_rate * self.gap_by
         return out
 
     def bounce_by(self) -> Array:
         out = np.zeros((len(self.point.directions), self.screws.n_columns))
-        if self.point.bounces:
-            out[0] = -self.point.bounces * self._along(self.u, self.u_by)[0]
+        if self.point.restitution:
+            out[0] = -self.point.restitution * self._along_directions(self.u, self.u_by)[0]
         return out
 
-    def _along(self, u: Array, u_by: Array) -> Array:
+    def _along_directions(self, u: Array, u_by: Array) -> Array:
         """Changes (k, m) of a vector along the held directions, which turn with the normal."""
-        n, own = self.n, self.point.directions
-        out = own @ u_by
+        n, directions = self.n, self.point.directions
+        out = directions @ u_by
         out[0] += u @ self.n_by
-        out[1:] -= (n @ u) * (own[1:] @ self.n_by)
+        out[1:] -= (n @ u) * (directions[1:] @ self.n_by)
         return out
 
     def accelerations(self) -> Array:
         _, n_dot, u_dot = self._rates
-        own = self.point.directions
-        out = own @ u_dot
+        directions = self.point.directions
+        out = directions @ u_dot
         out[0] += n_dot @ self.u
-        out[1:] -= (self.n @ self.u) * (own[1:] @ n_dot)
+        out[1:] -= (self.n @ self.u) * (directions[1:] @ n_dot)
         return -out
 
     @cached_property
     def _rates(self) -> tuple[Array, Array, Array]:
         """Time derivatives of P, n and u."""
         a, b = self.point.touch.links
-        moved = self.point.touch.by @ self._twist
-        P_dot = moved[1:4] + self._twist_b[:3] + _cross(self._twist_b[3:], self.P)
-        n_dot = moved[4:] + _cross(self._twist_b[3:], self.n)
+        rates = self.point.touch.by_twist @ self._twist
+        P_dot = rates[1:4] + self._twist_b[:3] + _cross(self._twist_b[3:], self.P)
+        n_dot = rates[4:] + _cross(self._twist_b[3:], self.n)
         A = self.screws.acceleration(a) - self.screws.acceleration(b)
         u_dot = A[:3] + _cross(A[3:], self.P) + _cross(self._twist[3:], P_dot)
         return P_dot, n_dot, u_dot
@@ -280,14 +289,14 @@ class _Moving:
         P_dot, n_dot, u_dot = self._rates
         twist_b_by = screws.twist_by(b)
         # The derivatives by the first link's twist move along with the second link.
-        moved = touch.rate_by @ self._apart + touch.by @ (
+        rates_by = touch.rate_by_twist @ self._relative_pose_by + touch.by_twist @ (
             self._twist_by - bracket(self._pose_b.T, self._twist).T
         )
-        moved[1:4] += _cross(self._pose_b[3:], touch.by[1:4] @ self._twist)
-        moved[4:] += _cross(self._pose_b[3:], touch.by[4:] @ self._twist)
-        P_dot_by = moved[1:4] + _at_point(twist_b_by, self.P)
+        rates_by[1:4] += _cross(self._pose_b[3:], touch.by_twist[1:4] @ self._twist)
+        rates_by[4:] += _cross(self._pose_b[3:], touch.by_twist[4:] @ self._twist)
+        P_dot_by = rates_by[1:4] + _at_point(twist_b_by, self.P)
         P_dot_by += _cross(self._twist_b[3:], self.P_by)
-        n_dot_by = moved[4:] + _cross(twist_b_by[3:], self.n)
+        n_dot_by = rates_by[4:] + _cross(twist_b_by[3:], self.n)
         n_dot_by += _cross(self._twist_b[3:], self.n_by)
         A = screws.acceleration(a) - screws.acceleration(b)
         u_dot_by = (
@@ -296,14 +305,14 @@ class _Moving:
             + _cross(self._twist_by[3:], P_dot)
             + _cross(self._twist[3:], P_dot_by)
         )
-        own, n, u = self.point.directions, self.n, self.u
-        out = self._along(u_dot, u_dot_by)
+        directions, n, u = self.point.directions, self.n, self.u
+        out = self._along_directions(u_dot, u_dot_by)
         out[0] += n_dot @ self.u_by + u @ n_dot_by
         # t_dot = -(t.n_dot) n, and t turns with n.
         normal, normal_by = n @ u, n @ self.u_by + u @ self.n_by
-        for i, t in enumerate(own[1:], 1):
-            turned = t @ n_dot_by - (t @ self.n_by) * (n @ n_dot)
-            out[i] -= (t @ n_dot) * normal_by + normal * turned
+        for i, t in enumerate(directions[1:], 1):
+            tangent_change = t @ n_dot_by - (t @ self.n_by) * (n @ n_dot)
+            out[i] -= (t @ n_dot) * normal_by + normal * tangent_change
         return -out
 
 

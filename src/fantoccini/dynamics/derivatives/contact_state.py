@@ -24,7 +24,7 @@ from fantoccini.dynamics.derivatives.contact_modes import (
     closed_without_force,
     geometries,
     mode_of,
-    still_speed,
+    speed_tolerance,
 )
 from fantoccini.dynamics.derivatives.contact_rows import (
     ContactMode,
@@ -45,7 +45,7 @@ MAX_CLOSED_GAP = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class Resting:
+class RestMotion:
     """Accelerations, tensions and contacts at a state.
 
     Attributes:
@@ -59,7 +59,9 @@ class Resting:
     contacts: Contacts
 
 
-def resting(marionette: CompiledPuppet, x: State, acc_K: Array, u_D: Array) -> Resting:
+def motion_with_contact(
+    marionette: CompiledPuppet, x: State, acc_K: Array, u_D: Array
+) -> RestMotion:
     """Forces and modes at a state in which solids touch.
 
     Raises:
@@ -67,24 +69,24 @@ def resting(marionette: CompiledPuppet, x: State, acc_K: Array, u_D: Array) -> R
     """
     sample, piece = _first_sample(marionette, x, acc_K, u_D)
     assert marionette.contacts is not None
-    touching_points = contact_points(piece.contacts, marionette.contacts.names).at(
+    touching_points = contact_points(piece.contacts, marionette.contacts.names).at_sample(
         len(piece.samples) - 1
     )
     screws = Screws(marionette, x, sample["acc_D"], acc_K)
     contacts = _contacts(marionette, screws, x, touching_points)
-    return Resting(sample["acc_D"], sample["tension"], contacts)
+    return RestMotion(sample["acc_D"], sample["tension"], contacts)
 
 
-def motion_at(marionette: CompiledPuppet, x: State) -> Resting:
+def motion_at(marionette: CompiledPuppet, x: State) -> RestMotion:
     """Accelerations, tensions and contacts at a state with its inputs at rest.
 
     Raises:
-        StateError: see :func:`resting` and :func:`forward_dynamics`.
+        StateError: see :func:`motion_with_contact` and :func:`forward_dynamics`.
     """
     if touches(marionette, x):
         table = marionette.coordinates
-        return resting(marionette, x, np.zeros(table.n_vK), np.zeros(table.n_vD))
-    return Resting(*forward_dynamics(marionette, x), Contacts((), ()))
+        return motion_with_contact(marionette, x, np.zeros(table.n_vK), np.zeros(table.n_vD))
+    return RestMotion(*forward_dynamics(marionette, x), Contacts((), ()))
 
 
 def touches(marionette: CompiledPuppet, x: State) -> bool:
@@ -122,10 +124,10 @@ def _first_sample(
         raise StateError(f"no motion begins at this state: {run.status.message}")
     piece = run.present()
     sample = {
-        name: part[-1] for name, part in marionette.sample_layout.split(piece.samples).items()
+        name: column[-1] for name, column in marionette.sample_layout.split(piece.samples).items()
     }
-    size = max(1.0, float(np.max(np.abs(x.v_D), initial=0.0)))
-    if np.max(np.abs(sample["v_D"] - x.v_D), initial=0.0) > MIN_IMPACT_CHANGE * size:
+    speed_scale = max(1.0, float(np.max(np.abs(x.v_D), initial=0.0)))
+    if np.max(np.abs(sample["v_D"] - x.v_D), initial=0.0) > MIN_IMPACT_CHANGE * speed_scale:
         raise StateError(
             "solids or strings strike at this state: it lies between two motions, and has no "
             "derivative"
@@ -138,38 +140,41 @@ def _contacts(
 ) -> Contacts:
     """Contacts from points with forces; ``screws`` must have the accelerations."""
     assert marionette.contacts is not None
-    still = still_speed(screws)
-    held: list[HeldPoint] = []
+    rest_speed = speed_tolerance(screws)
+    held_points: list[HeldPoint] = []
     edges: list[str] = []
-    idle: list[tuple[str, PairGeometry, int, float]] = []
+    open_points: list[tuple[str, PairGeometry, int, float]] = []
     for pair in geometries(marionette, screws, x, sorted(set(touching_points.pair.tolist()))):
-        name, own = (
+        name, points_of_pair = (
             pair_name(marionette.contacts.names[pair.pair]),
             touching_points.subset(touching_points.pair == pair.pair),
         )
-        mu, taken = float(marionette.contacts.friction[pair.pair]), set()
-        for k in range(len(own)):
-            feature = pair.nearest(own.point[k], MAX_CLOSED_GAP)
+        mu, used_features = float(marionette.contacts.friction[pair.pair]), set()
+        for k in range(len(points_of_pair)):
+            feature = pair.nearest(points_of_pair.point[k], MAX_CLOSED_GAP)
             if feature is None:
                 raise StateError(f"{name} touch only where an event-driven run moves them first")
-            taken.add(feature)
+            used_features.add(feature)
             touch = pair.touch(feature)
-            force, u = own.force[k], pair.velocity(screws, own.point[k])
-            mode, along, turns, edge = mode_of(mu, touch.normal, force, u, still)
-            mode_point = PointMode(name, pair.pair, feature, mode, mu, along, turns)
-            point = HeldPoint.of(mode_point, touch, force, u)
-            if edge and (slides := _begins_to_slide(screws, pair, point)):
-                point, edge = slides, "begins to slide, in a direction that has no derivative"
-            held.append(point)
+            force, u = points_of_pair.force[k], pair.velocity(screws, points_of_pair.point[k])
+            mode, along, turns, edge = mode_of(mu, touch.normal, force, u, rest_speed)
+            point_mode = PointMode(name, pair.pair, feature, mode, mu, along, turns)
+            point = HeldPoint.in_mode(point_mode, touch, force, u)
+            if edge and (sliding_point := _begins_to_slide(screws, pair, point)):
+                point, edge = (
+                    sliding_point,
+                    "begins to slide, in a direction that has no derivative",
+                )
+            held_points.append(point)
             if touch.normal @ force < TOLERANCES.force * marionette.reference_force:
                 edge = edge or "touches without force"
             edges += [f"{name}: {edge}"] if edge else []
         for feature, values in pair.points.items():
-            if feature not in taken and values[0] <= MAX_CLOSED_GAP:
-                opens = pair.velocity(screws, values[1:4]) @ values[4:]
-                idle.append((name, pair, feature, float(opens)))
-    edges += closed_without_force(screws, held, idle, still)
-    return Contacts(tuple(held), tuple(dict.fromkeys(edges)))
+            if feature not in used_features and values[0] <= MAX_CLOSED_GAP:
+                opening_speed = pair.velocity(screws, values[1:4]) @ values[4:]
+                open_points.append((name, pair, feature, float(opening_speed)))
+    edges += closed_without_force(screws, held_points, open_points, rest_speed)
+    return Contacts(tuple(held_points), tuple(dict.fromkeys(edges)))
 
 
 def _begins_to_slide(screws: Screws, pair: PairGeometry, point: HeldPoint) -> HeldPoint | None:
@@ -178,8 +183,8 @@ def _begins_to_slide(screws: Screws, pair: PairGeometry, point: HeldPoint) -> He
     rows = ContactRows(screws, [replace(point, touch=touch)], 0.0)
     if np.linalg.norm(rows.accelerations()[1:]) <= TOLERANCES.acceleration:
         return None
-    across = point.force - touch.normal * (touch.normal @ point.force)
-    along = -across / np.linalg.norm(across)
+    tangential = point.force - touch.normal * (touch.normal @ point.force)
+    along = -tangential / np.linalg.norm(tangential)
     return replace(point, mode=ContactMode.SLIDE, along=along)
 
 
@@ -202,7 +207,7 @@ class FrozenModes:
             StateError: a point is lost.
         """
         pairs: dict[int, PairGeometry] = {}
-        out = []
+        points = []
         for point in self._points:
             feature = point.feature
             if point.pair not in pairs:
@@ -214,47 +219,49 @@ class FrozenModes:
             u = pair.velocity(screws, touch.point)
             along, turns = point.along, False
             if point.mode is ContactMode.SLIDE and point.friction > 0.0 and point.turns:
-                across = u - touch.normal * (touch.normal @ u)
-                speed = float(np.linalg.norm(across))
+                tangential = u - touch.normal * (touch.normal @ u)
+                speed = float(np.linalg.norm(tangential))
                 turns = speed > TOLERANCES.speed
-                along = across / speed if turns else along
-            contact = HeldPoint.of(point, touch, np.zeros(3), u)
-            out.append(replace(contact, along=along, turns=turns))
-        return out
+                along = tangential / speed if turns else along
+            contact = HeldPoint.in_mode(point, touch, np.zeros(3), u)
+            points.append(replace(contact, along=along, turns=turns))
+        return points
 
-    def moving(
-        self, at: Evaluation, x: State, acc_K: Array, held: Indices
+    def accelerations_and_forces(
+        self, evaluation: Evaluation, x: State, acc_K: Array, held: Indices
     ) -> tuple[Array, Array, list[HeldPoint]]:
         """Accelerations acc_D, tensions of the held rows, and the points with their forces.
 
         Args:
-            at: the model at the state.
+            evaluation: the model at the state.
             x: the state.
             acc_K: (n_vK,) accelerations of the inputs.
             held: indices of the strings and limits that are held.
         """
-        free = at.solve_factor(at.w0)
+        unconstrained_acc = evaluation.solve_factor(evaluation.w0)
         if not self._points:
-            hddot = at.gamma[held, None] + at.W[:, held].T @ at.w0[:, None]
-            acc, y = KKTSystem(at, held).solve(np.zeros((len(free), 1)), hddot)
-            return free + acc[:, 0], y[:, 0], []
-        screws = Screws(self._marionette, x, free, acc_K)
+            hddot = evaluation.gamma[held, None] + evaluation.W[:, held].T @ evaluation.w0[:, None]
+            acc, y = KKTSystem(evaluation, held).solve(np.zeros((len(unconstrained_acc), 1)), hddot)
+            return unconstrained_acc + acc[:, 0], y[:, 0], []
+        screws = Screws(self._marionette, x, unconstrained_acc, acc_K)
         points = self.at(screws)
         rows = ContactRows(screws, points, 0.0)
-        hddot = at.gamma[held] + at.W[:, held].T @ at.w0
+        hddot = evaluation.gamma[held] + evaluation.W[:, held].T @ evaluation.w0
         rate = np.concatenate([hddot, rows.accelerations()])[:, None]
-        zeros = np.zeros((len(free), 1))
-        acc, y = ModeSystem(at, held, rows).solve(zeros, rate)
-        tension, forces, first = y[: len(held), 0], [], len(held)
+        zeros = np.zeros((len(unconstrained_acc), 1))
+        acc, y = ModeSystem(evaluation, held, rows).solve(zeros, rate)
+        tension, loaded_points, first_multiplier = y[: len(held), 0], [], len(held)
         for point in points:
             k = len(point.directions)
-            forces.append(replace(point, force=point.pushes.T @ y[first : first + k, 0]))
-            first += k
-        return free + acc[:, 0], tension, forces
+            loaded_points.append(
+                replace(point, force=point.pushes.T @ y[first_multiplier : first_multiplier + k, 0])
+            )
+            first_multiplier += k
+        return unconstrained_acc + acc[:, 0], tension, loaded_points
 
     def solve(
         self,
-        at: Evaluation,
+        evaluation: Evaluation,
         x: State,
         acc: tuple[Array, Array],
         held: Indices,
@@ -265,20 +272,20 @@ class FrozenModes:
         """Changes of acc_D, of the held rows' tensions, and of the points' forces (3 points, m).
 
         Args:
-            at: the model at the state.
+            evaluation: the model at the state.
             x: the state.
             acc: accelerations acc_D and acc_K.
             held: indices of the strings and limits that are held.
-            points: points from :meth:`moving`.
+            points: points from :meth:`accelerations_and_forces`.
             force: (n_vD, m) changes of the other forces at fixed acc_D and tensions.
             rate: (len(held), m) changes of the held rows' hddot.
         """
         if not points:
-            return *KKTSystem(at, held).solve(force, rate), np.zeros((0, force.shape[1]))
+            return *KKTSystem(evaluation, held).solve(force, rate), np.zeros((0, force.shape[1]))
         screws = Screws(self._marionette, x, *acc)
 
-        def rows(those: Sequence[HeldPoint]) -> tuple[ContactRows, Array]:
-            contact = ContactRows(screws, those, 0.0)
+        def rows(selected: Sequence[HeldPoint]) -> tuple[ContactRows, Array]:
+            contact = ContactRows(screws, selected, 0.0)
             return contact, contact.acceleration_by()
 
-        return solve_in_modes(at, held, force, rate, rows, points)
+        return solve_in_modes(evaluation, held, force, rate, rows, points)

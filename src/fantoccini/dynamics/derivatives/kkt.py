@@ -17,18 +17,18 @@ class KKTSystem:
     """KKT matrix [M, A_D^T; A_D, 0] over held rows at one state, factorised.
 
     Args:
-        at: the model at the state.
+        evaluation: the model at the state.
         rows: indices of the held rows.
     """
 
-    def __init__(self, at: Evaluation, rows: Indices):
-        self._at, self._W = at, at.W[:, rows]
+    def __init__(self, evaluation: Evaluation, rows: Indices):
+        self._at, self._W = evaluation, evaluation.W[:, rows]
         u, s, vt = np.linalg.svd(self._W, full_matrices=False)
         significant = s > DEPENDENT_ROWS * np.max(s, initial=0.0)
         self._u, self._s, self._v = u[:, significant], s[significant], vt[significant].T
 
     @cached_property
-    def _moved(self) -> Array:
+    def _inverse_mass_rows(self) -> Array:
         """Matrix M^-1 A_D^T (n_vD, len(rows))."""
         return self._at.solve_factor(self._W.T).T
 
@@ -42,15 +42,15 @@ class KKTSystem:
             rate: (len(rows), m) right-hand sides of the second equation, negated.
         """
         w = -self._at.solve_factor_transposed(force.T).T
-        inner = self._u.T @ w + (self._v.T @ rate) / self._s[:, None]
-        y = self._v @ (inner / self._s[:, None])
+        projected = self._u.T @ w + (self._v.T @ rate) / self._s[:, None]
+        y = self._v @ (projected / self._s[:, None])
         return self._at.solve_factor((w - self._W @ y).T).T, y
 
-    def nearest(self, rate: Array) -> Array:
+    def least_move(self, rate: Array) -> Array:
         """Solution x (n_vD, m) of A_D x = -rate, the smallest in the metric of M.
 
         Args:
             rate: (len(rows), m) right-hand sides, negated.
         """
         y = self._v @ ((self._v.T @ rate) / (self._s * self._s)[:, None])
-        return -(self._moved @ y)
+        return -(self._inverse_mass_rows @ y)

@@ -23,7 +23,7 @@ import numpy as np
 from fantoccini.base import Array, Indices, ShortRepr, UnknownNameError
 from fantoccini.dynamics.compiled import CompiledPuppet, Evaluation, forward_dynamics, vector
 from fantoccini.dynamics.derivatives.contact_rows import HeldPoint, PointMode
-from fantoccini.dynamics.derivatives.contact_state import FrozenModes, resting, touches
+from fantoccini.dynamics.derivatives.contact_state import FrozenModes, motion_with_contact, touches
 from fantoccini.model.tree import CoordinateTable
 from fantoccini.motion import State
 
@@ -51,7 +51,7 @@ class Partials(ShortRepr):
     p: Array
 
     @classmethod
-    def of(cls, columns: Array, widths: Iterable[int]) -> Partials:
+    def from_columns(cls, columns: Array, widths: Iterable[int]) -> Partials:
         """Derivatives from all columns in one array."""
         return cls(*np.split(columns, np.cumsum(list(widths))[:-1], axis=1))
 
@@ -74,10 +74,10 @@ class Linearisation(ShortRepr):
         acc_D: (n_vD,) acceleration there [rad/s^2 or m/s^2].
         tension: (n_rows,) forces of strings and limits there [N or N m].
         acc: derivatives of acc_D (n_vD, ...).
-        pull: derivatives of the tensions (n_rows, ...); 0 for rows that are not held.
+        tension_partials: derivatives of the tensions (n_rows, ...); 0 for rows that are not held.
         contacts: the points that push, in their modes.
-        push: derivatives of their forces (3 n, ...), in the world; of least norm where the law
-            does not determine them, as the forces are.
+        force_partials: derivatives of their forces (3 n, ...), in the world; of least norm where
+            the law does not determine them, as the forces are.
         edges: contacts between two modes, such as a point that touches without force: the
             derivatives are then those of the modes taken, towards one side.
         coordinates: names and places of the coordinates.
@@ -88,9 +88,9 @@ class Linearisation(ShortRepr):
     acc_D: Array
     tension: Array
     acc: Partials
-    pull: Partials
+    tension_partials: Partials
     contacts: tuple[HeldPoint, ...]
-    push: Partials
+    force_partials: Partials
     edges: tuple[str, ...]
     coordinates: CoordinateTable
 
@@ -113,11 +113,11 @@ class Linearisation(ShortRepr):
         t = self.coordinates
         n, k = t.n_vD, t.n_vK
         A = np.zeros((2 * (n + k), 2 * (n + k)))
-        A[:n, :n] = turning(t.quaternions_D, self.x.v_D)
+        A[:n, :n] = rotation_rate_blocks(t.quaternions_D, self.x.v_D)
         A[:n, n : 2 * n] = np.eye(n)
         parts = (self.acc.q_D, self.acc.v_D, self.acc.q_K, self.acc.v_K)
         A[n : 2 * n] = np.concatenate(parts, axis=1)
-        A[2 * n : 2 * n + k, 2 * n : 2 * n + k] = turning(t.quaternions_K, self.x.v_K)
+        A[2 * n : 2 * n + k, 2 * n : 2 * n + k] = rotation_rate_blocks(t.quaternions_K, self.x.v_K)
         A[2 * n : 2 * n + k, 2 * n + k :] = np.eye(k)
         return A
 
@@ -157,41 +157,49 @@ def linearise(
     """Derivatives of acc_D and of the tensions; see :meth:`Marionette.linearise`."""
     table, n_p = marionette.coordinates, len(marionette.p)
     acc_K, u_D = vector("acc_K", acc_K, table.n_vK), vector("u_D", u_D, table.n_vD)
-    at = Evaluation.of(marionette, x, acc_K, u_D)
-    points, edges = tuple(contacts or ()), tuple[str, ...]()
+    evaluation = Evaluation.at_state(marionette, x, acc_K, u_D)
+    point_modes, edges = tuple(contacts or ()), tuple[str, ...]()
     tension = np.zeros(marionette.tree.n_rows)
-    near = contacts is None and touches(marionette, x)
-    if near or (points and rows is None):
-        results = resting(marionette, x, acc_K, u_D)
-        acc_D, tension = results.acc_D, results.tension
+    in_contact = contacts is None and touches(marionette, x)
+    if in_contact or (point_modes and rows is None):
+        motion = motion_with_contact(marionette, x, acc_K, u_D)
+        acc_D, tension = motion.acc_D, motion.tension
         if contacts is None:
-            points, edges = results.contacts.points, results.contacts.edges
+            point_modes, edges = motion.contacts.points, motion.contacts.edges
     elif rows is None:
         acc_D, tension = forward_dynamics(marionette, x, acc_K, u_D)
     if rows is None:
-        pulls = marionette.two_sided | ((tension > 0.0) & (tension < marionette.max_forces))
-        held: Indices = np.flatnonzero(pulls)
+        carries_tension = marionette.two_sided | (
+            (tension > 0.0) & (tension < marionette.max_forces)
+        )
+        held: Indices = np.flatnonzero(carries_tension)
     else:
         held = named_rows(marionette, rows)
-    frozen, pushing = FrozenModes(marionette, points), list[HeldPoint]()
-    if rows is not None or points:
-        acc_D, pulling, pushing = frozen.moving(at, x, acc_K, held)
+    frozen, pushing_points = FrozenModes(marionette, point_modes), list[HeldPoint]()
+    if rows is not None or point_modes:
+        acc_D, held_tension, pushing_points = frozen.accelerations_and_forces(
+            evaluation, x, acc_K, held
+        )
         tension = np.zeros(marionette.tree.n_rows)
-        tension[held] = pulling
+        tension[held] = held_tension
     derivatives = derivatives_at(marionette, x, acc_D, acc_K, tension)
-    by = force_derivatives(marionette, derivatives, tension)
-    rate = row_derivatives(derivatives)[held]
-    dacc, dtension, dpush = frozen.solve(at, x, (acc_D, acc_K), held, pushing, by, rate)
+    force_by = force_derivatives(marionette, derivatives, tension)
+    row_by = row_derivatives(derivatives)[held]
+    dacc, dtension, dpush = frozen.solve(
+        evaluation, x, (acc_D, acc_K), held, pushing_points, force_by, row_by
+    )
     widths = [table.n_vD] * 2 + [table.n_vK] * 3 + [table.n_vD, n_p]
     return Linearisation(
         x=x,
         rows=tuple(marionette.tree.row_names[i] for i in held),
         acc_D=acc_D,
         tension=tension,
-        acc=Partials.of(dacc, widths),
-        pull=Partials.of(tension_derivatives(marionette, tension, held, dtension), widths),
-        contacts=tuple(pushing),
-        push=Partials.of(dpush, widths),
+        acc=Partials.from_columns(dacc, widths),
+        tension_partials=Partials.from_columns(
+            tension_derivatives(marionette, tension, held, dtension), widths
+        ),
+        contacts=tuple(pushing_points),
+        force_partials=Partials.from_columns(dpush, widths),
         edges=edges,
         coordinates=table,
     )
@@ -199,12 +207,12 @@ def linearise(
 
 def named_rows(marionette: CompiledPuppet, names: Iterable[str]) -> Indices:
     """Indices of strings and limits, in order."""
-    known_names = marionette.tree.row_names
+    row_names = marionette.tree.row_names
     names = (names,) if isinstance(names, str) else tuple(names)
     for name in names:
-        if name not in known_names:
-            raise UnknownNameError("string or limit", name, known_names)
-    return np.array(sorted(known_names.index(name) for name in set(names)), dtype=int)
+        if name not in row_names:
+            raise UnknownNameError("string or limit", name, row_names)
+    return np.array(sorted(row_names.index(name) for name in set(names)), dtype=int)
 
 
 def derivatives_at(
@@ -261,30 +269,30 @@ def tension_derivatives(
     marionette: CompiledPuppet, tension: Array, held: Indices, dtension: Array
 ) -> Array:
     """Derivatives (n_rows, m) of all tensions, from those of the held rows."""
-    out = np.zeros((marionette.tree.n_rows, dtension.shape[1]))
-    out[:, out.shape[1] - len(marionette.p) :] = _slipping_by_p(marionette, tension)
-    out[held] = dtension
-    return out
+    derivatives = np.zeros((marionette.tree.n_rows, dtension.shape[1]))
+    derivatives[:, derivatives.shape[1] - len(marionette.p) :] = _slipping_by_p(marionette, tension)
+    derivatives[held] = dtension
+    return derivatives
 
 
 def _slipping_by_p(marionette: CompiledPuppet, tension: Array) -> Array:
     """Derivatives (n_rows, n_p) of the tensions of strings that slip, by the parameters."""
     out = np.zeros((len(tension), len(marionette.p)))
-    by = marionette.cap_parameters
-    slips = np.flatnonzero((by >= 0) & (tension >= marionette.max_forces))
-    out[slips, by[slips]] = 1.0
+    cap_index = marionette.cap_parameters
+    slipping = np.flatnonzero((cap_index >= 0) & (tension >= marionette.max_forces))
+    out[slipping, cap_index[slipping]] = 1.0
     return out
 
 
-def turning(quaternions: Iterable[tuple[int, int]], v: Array) -> Array:
+def rotation_rate_blocks(quaternions: Iterable[tuple[int, int]], v: Array) -> Array:
     """Blocks -[w]x of every rotation (n_v, n_v): the rate of a small rotation in a turning frame.
 
     Args:
         quaternions: (q, v) indices of rotations.
         v: (n_v,) velocity.
     """
-    out = np.zeros((len(v), len(v)))
-    for _, at in quaternions:
-        x, y, z = v[at : at + 3]
-        out[at : at + 3, at : at + 3] = [[0, z, -y], [-z, 0, x], [y, -x, 0]]
-    return out
+    blocks = np.zeros((len(v), len(v)))
+    for _, start in quaternions:
+        x, y, z = v[start : start + 3]
+        blocks[start : start + 3, start : start + 3] = [[0, z, -y], [-z, 0, x], [y, -x, 0]]
+    return blocks

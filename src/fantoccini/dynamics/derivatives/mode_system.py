@@ -37,45 +37,47 @@ RowsOfPoints = Callable[[Sequence[HeldPoint]], tuple[ContactRows, Array]]
 
 
 def solve_in_modes(
-    at: Evaluation,
+    evaluation: Evaluation,
     held: Indices,
     force: Array,
     rate: Array,
-    rows: RowsOfPoints,
+    rows_of_points: RowsOfPoints,
     points: Sequence[HeldPoint],
 ) -> tuple[Array, Array, Array]:
     """Changes of acc_D (n_vD, m), of tensions (len(held), m) and of forces (3 points, m).
 
     Args:
-        at: the puppet's model, evaluated at the state.
+        evaluation: the puppet's model, evaluated at the state.
         held: indices of the strings and limits that are held.
         force: (n_vD, m) changes of the forces without contact, at fixed acc_D and tensions.
         rate: (len(held), m) changes of the held rows.
-        rows: callback that returns the rows of points, and their changes (k, m) at fixed acc_D.
+        rows_of_points: callback that returns the rows of points, and their changes (k, m) at fixed
+            acc_D.
         points: the held points.
 
     Raises:
         StateError: friction jams, or the motion depends on how redundant points share their force.
     """
-    contacts, change = rows(points)
-    system = ModeSystem(at, held, contacts)
-    acc, y = system.solve(force + contacts.force_by(), np.concatenate([rate, change]))
+    contact_rows, point_rates = rows_of_points(points)
+    system = ModeSystem(evaluation, held, contact_rows)
+    acc, y = system.solve(force + contact_rows.force_by(), np.concatenate([rate, point_rates]))
     if len(system.redundant) and any(point.mode is ContactMode.SLIDE for point in points):
-        shifted = _with_shifted_forces(points, system.redundant[:, len(held) :])
-        shifted_contacts, change = rows(shifted)
-        shifted_system = ModeSystem(at, held, shifted_contacts)
+        shifted_points = _with_shifted_forces(points, system.redundant[:, len(held) :])
+        shifted_contacts, point_rates = rows_of_points(shifted_points)
+        shifted_system = ModeSystem(evaluation, held, shifted_contacts)
         shifted_acc, _ = shifted_system.solve(
-            force + shifted_contacts.force_by(), np.concatenate([rate, change])
+            force + shifted_contacts.force_by(), np.concatenate([rate, point_rates])
         )
         largest = np.max(np.abs(acc), axis=0)
         tolerance = MIN_DEPENDENCE * np.maximum(largest, ROUNDING * np.max(largest, initial=0.0))
         if np.any(np.max(np.abs(shifted_acc - acc), axis=0) > tolerance):
             raise StateError(
-                f"{contacts.names} slide on more points than the law can share force among, and "
+                f"{contact_rows.names} slide on more points than the law can share force among, "
+                "and "
                 "nearby motions depend on the shares, so that there is no derivative"
             )
     n = len(held)
-    return acc, y[:n], contacts.push_by(y[n:], acc)
+    return acc, y[:n], contact_rows.push_by(y[n:], acc)
 
 
 def _with_shifted_forces(points: Sequence[HeldPoint], redundant: Array) -> list[HeldPoint]:
@@ -86,13 +88,13 @@ def _with_shifted_forces(points: Sequence[HeldPoint], redundant: Array) -> list[
         * largest
         * np.sum(redundant * np.cos(np.arange(len(redundant)))[:, None], axis=0)
     )
-    out, first = [], 0
+    shifted, first_multiplier = [], 0
     for point in points:
         k = len(point.directions)
-        change = point.pushes.T @ shift[first : first + k]
-        out.append(dataclasses.replace(point, force=point.force + change))
-        first += k
-    return out
+        change = point.pushes.T @ shift[first_multiplier : first_multiplier + k]
+        shifted.append(dataclasses.replace(point, force=point.force + change))
+        first_multiplier += k
+    return shifted
 
 
 class ModeSystem:
@@ -102,7 +104,7 @@ class ModeSystem:
         redundant: (r, k) combinations of forces without effect.
 
     Args:
-        at: the puppet's model, evaluated at the state.
+        evaluation: the puppet's model, evaluated at the state.
         held: indices of the strings and limits that are held.
         contacts: rows of the held points.
 
@@ -110,14 +112,14 @@ class ModeSystem:
         StateError: friction jams, so that no forces keep the modes.
     """
 
-    def __init__(self, at: Evaluation, held: Indices, contacts: HeldRows):
+    def __init__(self, evaluation: Evaluation, held: Indices, contacts: HeldRows):
         rows, forces, drags = contacts.rows, contacts.forces, contacts.drags
-        self._at, self._names = at, contacts.names
-        W = at.W[:, held]
-        self._C = np.concatenate([W, _scaled(at, rows)], axis=1)
-        self._B = np.concatenate([W, _scaled(at, forces)], axis=1)
-        Z = _scaled(at, drags)
-        self._inverse = np.linalg.inv(np.eye(len(W)) + Z @ Z.T)
+        self._at, self._names = evaluation, contacts.names
+        string_rows = evaluation.W[:, held]
+        self._C = np.concatenate([string_rows, _scaled(evaluation, rows)], axis=1)
+        self._B = np.concatenate([string_rows, _scaled(evaluation, forces)], axis=1)
+        Z = _scaled(evaluation, drags)
+        self._inverse = np.linalg.inv(np.eye(len(string_rows)) + Z @ Z.T)
         u, s, vt = np.linalg.svd(self._C.T @ self._inverse @ self._B)
         significant = s > DEPENDENT_ROWS * np.max(s, initial=0.0)
         s_C = np.linalg.svd(self._C, compute_uv=False)
@@ -148,13 +150,13 @@ class ModeSystem:
             force: (n_vD, m) right-hand sides of the first equation, negated.
             rate: (k, m) right-hand sides of the strings and limits, then of contacts, negated.
         """
-        free = -self._inverse @ self._at.solve_factor_transposed(force.T).T
-        right = self._C.T @ free + rate
-        y = self._v @ ((self._u.T @ right) / self._s[:, None])
-        w = free - self._inverse @ self._B @ y
+        unconstrained = -self._inverse @ self._at.solve_factor_transposed(force.T).T
+        right_side = self._C.T @ unconstrained + rate
+        y = self._v @ ((self._u.T @ right_side) / self._s[:, None])
+        w = unconstrained - self._inverse @ self._B @ y
         return self._at.solve_factor(w.T).T, y
 
 
-def _scaled(at: Evaluation, rows: Array) -> Array:
+def _scaled(evaluation: Evaluation, rows: Array) -> Array:
     """(n_vD, k) product F^-T rows^T, for rows (k, n_vD); k may be 0."""
-    return at.solve_factor_transposed(rows).T if len(rows) else rows.T
+    return evaluation.solve_factor_transposed(rows).T if len(rows) else rows.T

@@ -66,7 +66,8 @@ class Rollout(ShortRepr):
         q_D, v_D, q_K, v_K: (n + 1, ...) states at the nodes.
         tension: (n, n_rows) mean tensions of strings and forces of limits in each step, the impulse
             divided by dt [N or N m].
-        held: (n, n_rows) bool, the strings that are taut and limits that are reached in each step.
+        active: (n, n_rows) bool, the strings that are taut and limits that are reached in each
+            step.
         dt: length of the steps [s].
         status: ``DONE``, or the reason of the stop.
         steps: number n of steps taken; fewer than requested if the run stopped (``throw=False``).
@@ -84,7 +85,7 @@ class Rollout(ShortRepr):
     q_K: Array
     v_K: Array
     tension: Array
-    held: MaskRows
+    active: MaskRows
     dt: float
     status: Status
     steps: int
@@ -138,7 +139,7 @@ class Rollout(ShortRepr):
             StateError: the rollout was stopped, the velocities of a step were scaled down, a winch
                 slipped, a step with contact has no derivative, or an array has another shape.
         """
-        self._check()
+        self._check_finished()
         n, n_vD, n_vK = len(self.tension), self.coordinates.n_vD, self.coordinates.n_vK
         l_q, l_v = _checked_copy(n + 1, n_vD, q_D=q_D), _checked_copy(n + 1, n_vD, v_D=v_D)
         l_qK, l_vK = _checked_copy(n + 1, n_vK, q_K=q_K), _checked_copy(n + 1, n_vK, v_K=v_K)
@@ -146,17 +147,17 @@ class Rollout(ShortRepr):
         if tension is not None:
             by_tension = _checked_copy(n, self.tension.shape[1], tension=tension)
         self._check_derivatives_exist()
-        result = self._run.gradient(self.held, l_q, l_v, by_tension)
+        result = self._run.gradient(self.active, l_q, l_v, by_tension)
         self._check_derivatives_exist()  # the gradient may have detected further edges
         l_qK[:n] += result["g_qK"]
-        rotates = self.coordinates.quaternions_K
-        back_propagate = self._through_rotations if rotates else self._through_scalars
+        has_rotations = self.coordinates.quaternions_K
+        back_propagate = self._through_rotations if has_rotations else self._through_scalars
         by_qK, by_vK, by_acc = back_propagate(l_qK, l_vK, result["g_rate"], result["g_mean"])
         return RolloutGradient(
             result["g_q"], result["g_v"], by_qK, by_vK, by_acc, result["g_u"], result["g_p"]
         )
 
-    def _check(self) -> None:
+    def _check_finished(self) -> None:
         if self.status is not Status.DONE:
             raise StateError(f"the rollout was stopped, it has no gradient: {self.status.message}")
         numbers = self._run.numbers
@@ -173,10 +174,10 @@ class Rollout(ShortRepr):
         if self.edges.max(initial=0) < StepEdge.LAW_CHANGED:
             return
         i = int(np.flatnonzero(self.edges >= StepEdge.LAW_CHANGED.value)[-1])
-        why = StepEdge.meanings(int(self.edges[i]) & -StepEdge.LAW_CHANGED.value)
+        reason = StepEdge.meanings(int(self.edges[i]) & -StepEdge.LAW_CHANGED.value)
         raise StateError(
             f"step {i}, at {self.start + i * self.dt:.6g} s, has no derivative, and so the rollout "
-            f"no gradient: {self._pairs[self._run.touches['pairs'][i]]}: {'; '.join(why)}"
+            f"no gradient: {self._pairs[self._run.touches['pairs'][i]]}: {'; '.join(reason)}"
         )
 
     def _through_scalars(
@@ -205,11 +206,11 @@ class Rollout(ShortRepr):
         q, v, acc = l_q[-1], l_v[-1], np.zeros_like(rate)
         for i in range(len(rate))[::-1]:
             step = self._driven[i]
-            state_jacobian, mean_jacobian = step.state(0, 0), step.mean_by(slice(0, k))
-            back = np.concatenate([q, v]) @ state_jacobian
-            q = l_q[i] + back[:k]
-            v = l_v[i] + back[k : 2 * k] + rate[i] + mean[i] @ mean_jacobian[0]
-            acc[i] = back[2 * k : 3 * k] + 0.5 * self.dt * rate[i] + mean[i] @ mean_jacobian[1]
+            state_jacobian, mean_jacobian = step.end_derivatives(0, 0), step.mean_by(slice(0, k))
+            adjoint = np.concatenate([q, v]) @ state_jacobian
+            q = l_q[i] + adjoint[:k]
+            v = l_v[i] + adjoint[k : 2 * k] + rate[i] + mean[i] @ mean_jacobian[0]
+            acc[i] = adjoint[2 * k : 3 * k] + 0.5 * self.dt * rate[i] + mean[i] @ mean_jacobian[1]
         return q, v, acc
 
 
@@ -266,7 +267,7 @@ def rollout(
     return Rollout(
         **{name: run.arrays[name][: n_done + 1] for name in ("q_D", "v_D", "q_K", "v_K")},
         tension=tension,
-        held=held_rows(marionette, tension),
+        active=held_rows(marionette, tension),
         dt=dt,
         status=status,
         steps=n_done,
@@ -297,17 +298,17 @@ def _inputs(
             v_K[i + 1] = v_K[i] + dt * step.mean
             driven.append(step)
     for q, v in t.quaternions_K:
-        turns = rotation.exp(dt * rate[:, v : v + 3])
+        rotations = rotation.exp(dt * rate[:, v : v + 3])
         for i in range(n):
-            q_K[i + 1, q : q + 4] = rotation.multiply(q_K[i, q : q + 4], turns[i])
+            q_K[i + 1, q : q + 4] = rotation.multiply(q_K[i, q : q + 4], rotations[i])
     for q, v in t.scalars_K:
         q_K[1:, q] += dt * np.cumsum(rate[:, v])
     return {"q_K": q_K, "v_K": v_K, "rate": rate, "mean": mean}, tuple(driven)
 
 
-def _checked_copy(n: int, width: int, **named: Array | None) -> Array:
+def _checked_copy(n: int, width: int, **named_array: Array | None) -> Array:
     """Copy (n, width) of an array, or zeros."""
-    ((name, values),) = named.items()
+    ((name, values),) = named_array.items()
     if values is None:
         return np.zeros((n, width))
     result = vectors(name, values, width)

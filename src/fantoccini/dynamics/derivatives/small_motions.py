@@ -20,7 +20,7 @@ import numpy as np
 from fantoccini.base import Array, Indices
 from fantoccini.dynamics.compiled import CompiledPuppet, Evaluation, Screws
 from fantoccini.dynamics.derivatives.contact_rows import ContactRows
-from fantoccini.dynamics.derivatives.contact_state import Resting
+from fantoccini.dynamics.derivatives.contact_state import RestMotion
 from fantoccini.dynamics.derivatives.kkt import DEPENDENT_ROWS
 from fantoccini.dynamics.derivatives.linearisation import derivatives_at
 from fantoccini.dynamics.derivatives.mode_system import ModeSystem
@@ -50,7 +50,7 @@ class SmallMotions:
     forcing: tuple[Array, Array, Array]
 
     @classmethod
-    def of(cls, marionette: CompiledPuppet, x: State, motion: Resting) -> SmallMotions:
+    def about_rest(cls, marionette: CompiledPuppet, x: State, motion: RestMotion) -> SmallMotions:
         """The small motions about a state of rest.
 
         Args:
@@ -60,10 +60,10 @@ class SmallMotions:
         """
         tension, points = motion.tension, motion.contacts.points
         held = held_rows(marionette, tension)
-        at, n, k = Evaluation.of(marionette, x), len(x.v_D), len(x.v_K)
+        evaluation, n, k = Evaluation.at_state(marionette, x), len(x.v_D), len(x.v_K)
         zero_D, zero_K = np.zeros(n), np.zeros(k)
-        by = derivatives_at(marionette, x, zero_D, zero_K, tension)
-        r_q, r_v, r_qK, r_vK = (by[name] for name in ("r_q", "r_v", "r_qK", "r_vK"))
+        derivatives = derivatives_at(marionette, x, zero_D, zero_K, tension)
+        r_q, r_v, r_qK, r_vK = (derivatives[name] for name in ("r_q", "r_v", "r_qK", "r_vK"))
         rows = ContactRows(Screws(marionette, x, zero_D, zero_K), points, 0.0)
         widths = np.cumsum([n, n, k, k])
         contact_terms = np.split(rows.force_by(), widths, axis=1)
@@ -73,10 +73,10 @@ class SmallMotions:
             r_qK + contact_terms[2],
             r_vK + contact_terms[3],
         )
-        by_inputs = np.split(rows.velocity_by(), widths, axis=1)[3]
-        system = ModeSystem(at, held, rows)
-        N = free_directions(at, system)
-        C_K = np.concatenate([by["A_K"][held], by_inputs])
+        contact_by_v_K = np.split(rows.velocity_by(), widths, axis=1)[3]
+        system = ModeSystem(evaluation, held, rows)
+        N = free_directions(evaluation, system)
+        C_K = np.concatenate([derivatives["A_K"][held], contact_by_v_K])
         Y, _ = system.solve(np.zeros((n, k)), C_K)
         return cls(
             held,
@@ -84,7 +84,7 @@ class SmallMotions:
             marionette.interpreted("mass_matrix", x).M,
             N.T @ r_q @ N,
             N.T @ r_v @ N,
-            (-N.T @ (r_q @ Y + r_qK), -N.T @ (r_v @ Y + r_vK), -N.T @ by["M_DK"]),
+            (-N.T @ (r_q @ Y + r_qK), -N.T @ (r_v @ Y + r_vK), -N.T @ derivatives["M_DK"]),
         )
 
 
@@ -94,8 +94,8 @@ def held_rows(marionette: CompiledPuppet, tension: Array) -> Indices:
     return np.flatnonzero(marionette.two_sided | pulls)
 
 
-def free_directions(at: Evaluation, system: ModeSystem) -> Array:
+def free_directions(evaluation: Evaluation, system: ModeSystem) -> Array:
     """Directions N (n_vD, m) with C N = 0 and N^T M N = 1."""
     u, size, _ = np.linalg.svd(system.held, full_matrices=True)
     rank = int(np.sum(size > DEPENDENT_ROWS * np.max(size, initial=0.0)))
-    return at.solve_factor(u[:, rank:].T).T
+    return evaluation.solve_factor(u[:, rank:].T).T

@@ -45,10 +45,10 @@ class StepLinearisation(ShortRepr):
         B: (2 n_vD + 2 n_vK, n_vK) derivatives by the driven acceleration.
         B_u: (2 n_vD + 2 n_vK, n_vD) derivatives by the user's forces.
         B_p: (2 n_vD + 2 n_vK, n_p) derivatives by the parameters.
-        pull: derivatives of ``tension`` (n_rows, ...); 0 for rows that are not held.
+        tension_partials: derivatives of ``tension`` (n_rows, ...); 0 for rows that are not held.
         contacts: the points that push, in their modes.
-        push: derivatives of their forces (3 n, ...), in the world; of least norm where the law
-            does not determine them, as the forces are.
+        force_partials: derivatives of their forces (3 n, ...), in the world; of least norm where
+            the law does not determine them, as the forces are.
         edges: contacts between two modes, such as a point that touches without force: A, B, B_u
             and B_p are then derivatives of the modes taken, towards one side.
         coordinates: names and places of the coordinates.
@@ -63,9 +63,9 @@ class StepLinearisation(ShortRepr):
     B: Array
     B_u: Array
     B_p: Array
-    pull: Partials
+    tension_partials: Partials
     contacts: tuple[HeldPoint, ...]
-    push: Partials
+    force_partials: Partials
     edges: tuple[str, ...]
     coordinates: CoordinateTable
 
@@ -88,51 +88,58 @@ def linearise_step(
     acc_K, u_D = vector("acc_K", acc_K, k), vector("u_D", u_D, n)
     slip = marionette.states([x]).slip[0]
     motion = x.q_D, x.v_D, x.q_K, x.v_K
-    step_inputs = StepInputs.of(marionette, motion, acc_K, u_D, None, dt, slip)
-    options = StepOptions(forces=True, pull=True, threads=1)
-    linearised_step = linearised(marionette, step_inputs, options, shares=True)
-    steps, results = linearised_step.steps, linearised_step.record
+    step_inputs = StepInputs.from_arrays(marionette, motion, acc_K, u_D, None, dt, slip)
+    options = StepOptions(forces=True, tension_partials=True, threads=1)
+    linearised_ = linearised(marionette, step_inputs, options, shares=True)
+    steps, results = linearised_.steps, linearised_.record
     _check_arrived(marionette, x, results, acc_K, dt)
     touches = results if isinstance(results, StepTouches) else None
     points = () if touches is None else _held_points(marionette, touches)
-    _refuse(marionette, touches, points, int(steps.edges[0]), bool(linearised_step.shortened[0]))
-    path = DrivenStep(t.quaternions_K, x.v_K, acc_K, dt)
+    _check_differentiable(
+        marionette, touches, points, int(steps.edges[0]), bool(linearised_.shortened[0])
+    )
+    driven_step = DrivenStep(t.quaternions_K, x.v_K, acc_K, dt)
     widths = [n, n, k, k, k, n, n_p]
-    columns = Partials.of(np.concatenate([steps.motion[0], path.state(n, n_p)]), widths)
+    columns = Partials.from_columns(
+        np.concatenate([steps.motion[0], driven_step.end_derivatives(n, n_p)]), widths
+    )
     x_next = _state_after(marionette, x, results, dt)
-    assert steps.pull is not None
-    push = np.zeros((0, sum(widths)))
+    assert steps.tension_partials is not None
+    force_changes = np.zeros((0, sum(widths)))
     if points:
         assert (
-            touches is not None
-            and linearised_step.shares is not None
-            and linearised_step.moved is not None
+            touches is not None and linearised_.shares is not None and linearised_.moved is not None
         )
-        start, chain = x.replace(v_K=path.rate, v_D=x_next.v_D), path.chain(n, n_p)
+        step_state, chain_rule = (
+            x.replace(v_K=driven_step.rate, v_D=x_next.v_D),
+            driven_step.chain_rule(n, n_p),
+        )
         if delay := float(touches.delay[0]):
-            start = start.replace(
+            step_state = step_state.replace(
                 q_D=integrate(marionette, x.q_D, delay * x.v_D),
-                q_K=integrate(marionette, x.q_K, delay * path.rate, driven=True),
+                q_K=integrate(marionette, x.q_K, delay * driven_step.rate, driven=True),
             )
-            chain[:n], chain[2 * n : 2 * n + k] = np.split(linearised_step.moved[0], [n])
-        rows = ContactRows(Screws(marionette, start), points, dt)
-        shares = linearised_step.shares[0, : len(rows.multipliers)]
-        acc_by = steps.motion[0, n:].copy()
-        acc_by[:, n : 2 * n] -= np.eye(n)
-        push = _push_by(rows, shares, acc_by / dt, chain)
+            chain_rule[:n], chain_rule[2 * n : 2 * n + k] = np.split(linearised_.moved[0], [n])
+        contact_rows = ContactRows(Screws(marionette, step_state), points, dt)
+        multiplier_changes = linearised_.shares[0, : len(contact_rows.multipliers)]
+        acc_changes = steps.motion[0, n:].copy()
+        acc_changes[:, n : 2 * n] -= np.eye(n)
+        force_changes = _force_changes(
+            contact_rows, multiplier_changes, acc_changes / dt, chain_rule
+        )
     return StepLinearisation(
         x=x,
         x_next=x_next,
         dt=dt,
-        rows=tuple(marionette.tree.row_names[i] for i in np.flatnonzero(steps.held[0])),
+        rows=tuple(marionette.tree.row_names[i] for i in np.flatnonzero(steps.active[0])),
         tension=steps.tension[0],
         A=np.concatenate([columns.q_D, columns.v_D, columns.q_K, columns.v_K], axis=1),
         B=columns.acc_K,
         B_u=columns.u_D,
         B_p=columns.p,
-        pull=Partials.of(steps.pull[0], widths),
+        tension_partials=Partials.from_columns(steps.tension_partials[0], widths),
         contacts=points,
-        push=Partials.of(push, widths),
+        force_partials=Partials.from_columns(force_changes, widths),
         edges=() if touches is None else _named_edges(marionette, touches),
         coordinates=t,
     )
@@ -158,18 +165,26 @@ def _state_after(
     return State(x.t + dt, **parts, coordinates=marionette.coordinates)
 
 
-def _push_by(rows: ContactRows, shares: Array, acc_by: Array, chain: Array) -> Array:
+def _force_changes(
+    rows: ContactRows, multiplier_changes: Array, acc_changes: Array, chain_rule: Array
+) -> Array:
     """Changes (3 points, m) of the forces.
 
     Args:
         rows: rows of the points, at the velocities after the step.
-        shares: (k, m) changes of their multipliers.
-        acc_by: (n_vD, m) changes of acc_D.
-        chain: (m, m) derivatives of rates and means of the driven coordinates by v_K and acc_K,
-            which ``shares`` and ``acc_by`` include already.
+        multiplier_changes: (k, m) changes of their multipliers.
+        acc_changes: (n_vD, m) changes of acc_D.
+        chain_rule: (m, m) derivatives of rates and means of the driven coordinates by v_K and
+            acc_K, which ``multiplier_changes`` and ``acc_changes`` include already.
     """
-    fixed = rows.push_by(np.zeros_like(shares), np.zeros_like(acc_by))
-    return rows.push_by(shares, acc_by) - fixed + fixed @ chain
+    at_fixed_multipliers = rows.push_by(
+        np.zeros_like(multiplier_changes), np.zeros_like(acc_changes)
+    )
+    return (
+        rows.push_by(multiplier_changes, acc_changes)
+        - at_fixed_multipliers
+        + at_fixed_multipliers @ chain_rule
+    )
 
 
 def _held_points(marionette: CompiledPuppet, touches: StepTouches) -> tuple[HeldPoint, ...]:
@@ -178,12 +193,14 @@ def _held_points(marionette: CompiledPuppet, touches: StepTouches) -> tuple[Held
     results = []
     for point in touches.points[0, : touches.n_points[0]]:
         pair, feature = int(point["pair"]), int(point["feature"])
-        at, normal = point["at"].copy(), point["normal"].copy()
-        by, zeros = point["by"].reshape(7, 6).copy(), np.zeros((7, 6))
+        position, normal = point["at"].copy(), point["normal"].copy()
+        by_twist, zeros = point["by"].reshape(7, 6).copy(), np.zeros((7, 6))
         links = (int(point["links"][0]), int(point["links"][1]))
         smooth = not touches.pair_edges[0, pair] & StepEdge.NOT_SMOOTH
         gap = float(point["gap"])
-        touch = Touch(pair, feature, links, gap, at, normal, by, zeros[:, 0], zeros, smooth)
+        touch = Touch(
+            pair, feature, links, gap, position, normal, by_twist, zeros[:, 0], zeros, smooth
+        )
         results.append(
             HeldPoint(
                 name=pair_name(marionette.contacts.names[pair]),
@@ -196,8 +213,8 @@ def _held_points(marionette: CompiledPuppet, touches: StepTouches) -> tuple[Held
                 touch=touch,
                 force=point["force"].copy(),
                 velocity=point["velocity"].copy(),
-                closes=float(point["closes"]),
-                bounces=float(point["bounces"]),
+                closing_rate=float(point["closes"]),
+                restitution=float(point["bounces"]),
             )
         )
     return tuple(results)
@@ -206,17 +223,17 @@ def _held_points(marionette: CompiledPuppet, touches: StepTouches) -> tuple[Held
 def _named_edges(marionette: CompiledPuppet, touches: StepTouches) -> tuple[str, ...]:
     """Edges between two modes in the first of several steps, with their pairs."""
     assert marionette.contacts is not None
-    of_pair = touches.pair_edges[0]
+    edges_of_pair = touches.pair_edges[0]
     return tuple(
         dict.fromkeys(
             f"{pair_name(marionette.contacts.names[pair])}: {meaning.removeprefix('a point ')}"
-            for pair in np.flatnonzero(of_pair)
-            for meaning in StepEdge.meanings(int(of_pair[pair]))
+            for pair in np.flatnonzero(edges_of_pair)
+            for meaning in StepEdge.meanings(int(edges_of_pair[pair]))
         )
     )
 
 
-def _refuse(
+def _check_differentiable(
     marionette: CompiledPuppet,
     touches: StepTouches | None,
     points: Sequence[HeldPoint],

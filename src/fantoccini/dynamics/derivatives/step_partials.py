@@ -40,7 +40,7 @@ from fantoccini.model.tree import CoordinateTable
 
 MIN_SHORTENING = 1e-9
 """Relative difference of a step's velocity and its equations' if the velocity was scaled down."""
-SLIPPING_SHARE = 1.0 - 1e-9
+SLIPPING_RATIO = 1.0 - 1e-9
 """Share of a string's largest tension from which it counts as slipping."""
 
 
@@ -52,11 +52,12 @@ class StepLinearisations(ShortRepr):
         q_D, v_D, q_K, v_K: (n, ...) dynamic (D) and driven (kinematic, K) configurations and
             velocities after the steps.
         tension: (n, n_rows) impulses over dt [N or N m].
-        held: (n, n_rows) bool, strings and limits held in the steps.
+        active: (n, n_rows) bool, strings and limits held in the steps.
         motion: (n, 2 n_vD, m) derivatives of (dq_D, v_D) after the step by q_D, v_D, q_K, v_K,
             acc_K, u_D if requested, and p: the rows of A, B, B_u and B_p of the dynamic
             coordinates.
-        pull: (n, n_rows, m) derivatives of ``tension``, if requested; 0 for rows not held.
+        tension_partials: (n, n_rows, m) derivatives of ``tension``, if requested; 0 for rows not
+            held.
         settled: (n,) bool, steps that were not stopped or scaled down, and whose contacts have
             derivatives; the derivatives of others are those of the equations, not of the step.
         edges: (n,) for each step, in which ways a contact is on the edge between two modes, as
@@ -71,9 +72,9 @@ class StepLinearisations(ShortRepr):
     q_K: Array
     v_K: Array
     tension: Array
-    held: MaskRows
+    active: MaskRows
     motion: Array
-    pull: Array | None
+    tension_partials: Array | None
     settled: MaskRows
     edges: Indices
     n_contacts: Indices
@@ -119,7 +120,7 @@ class StepLinearisations(ShortRepr):
         t = self.coordinates
         n, k = t.n_vD, t.n_vK
         steps = self._driven or (DrivenStep((), np.zeros(k), np.zeros(k), self.dt),)
-        return np.array([step.state(n, 0)[:, 2 * n : 2 * n + 3 * k] for step in steps])
+        return np.array([step.end_derivatives(n, 0)[:, 2 * n : 2 * n + 3 * k] for step in steps])
 
 
 @dataclass(frozen=True)
@@ -128,7 +129,7 @@ class StepOptions:
 
     Attributes:
         forces: whether to differentiate by the user's forces, too.
-        pull: whether to differentiate the tensions, too.
+        tension_partials: whether to differentiate the tensions, too.
         threads: number of threads; by default all processors.
         method: ``"timestepping"``, or ``"variational"`` for steps of that method, in which no
             driven joint turns.
@@ -138,7 +139,7 @@ class StepOptions:
     """
 
     forces: bool = False
-    pull: bool = False
+    tension_partials: bool = False
     threads: int | None = None
     method: Literal["timestepping", "variational"] = "timestepping"
 
@@ -152,14 +153,14 @@ class StepKeywords(TypedDict, total=False):
     """The fields of :class:`StepOptions` as keyword arguments."""
 
     forces: bool
-    pull: bool
+    tension_partials: bool
     threads: int | None
     method: Literal["timestepping", "variational"]
 
 
 def linearise_steps(
     marionette: CompiledPuppet,
-    given: StepInputs,
+    inputs: StepInputs,
     options: StepOptions | None = None,
     buffer: Array | None = None,
 ) -> StepLinearisations:
@@ -167,18 +168,18 @@ def linearise_steps(
 
     Args:
         marionette: the puppet.
-        given: inputs of the steps.
+        inputs: inputs of the steps.
         options: options; see :class:`StepOptions`.
         buffer: ``motion`` of an earlier call, overwritten if it has the right size.
     """
     options = options or StepOptions()
     if options.method == "timestepping":
-        return linearised(marionette, given, options, buffer=buffer).steps
+        return linearised(marionette, inputs, options, buffer=buffer).steps
     refuse_contact(marionette, "the method variational")
     partials = variational_partials(
-        marionette, given.x, given.acc_K, given.u_D, given.p, given.dt, _threads(options)
+        marionette, inputs.x, inputs.acc_K, inputs.u_D, inputs.p, inputs.dt, _threads(options)
     )
-    return _variational(marionette, partials, given, options)
+    return _variational(marionette, partials, inputs, options)
 
 
 def _threads(options: StepOptions) -> int:
@@ -207,7 +208,7 @@ class StepInputs(NamedTuple):
     driven: tuple[DrivenStep, ...]
 
     @classmethod
-    def of(
+    def from_arrays(
         cls,
         marionette: CompiledPuppet,
         motion: tuple[Array, Array, Array, Array],
@@ -221,8 +222,8 @@ class StepInputs(NamedTuple):
         check_positive(dt=dt)
         t = marionette.coordinates
         widths = {"q_D": t.n_qD, "v_D": t.n_vD, "q_K": t.n_qK, "v_K": t.n_vK}
-        parts = zip(widths.items(), motion, strict=True)
-        starts = {name: np.atleast_2d(vectors(name, a, width)) for (name, width), a in parts}
+        named_arrays = zip(widths.items(), motion, strict=True)
+        starts = {name: np.atleast_2d(vectors(name, a, width)) for (name, width), a in named_arrays}
         acc = np.zeros((1, t.n_vK)) if acc_K is None else vectors("acc_K", acc_K, t.n_vK)
         acc = np.atleast_2d(acc)
         force = None if u_D is None else np.atleast_2d(vectors("u_D", u_D, t.n_vD))
@@ -230,21 +231,21 @@ class StepInputs(NamedTuple):
             marionette.p[None] if p is None else np.atleast_2d(vectors("p", p, len(marionette.p)))
         )
         n = max(map(len, (*starts.values(), acc, values, () if force is None else force)))
-        x = {name: _rows(a, n) for name, a in starts.items()}
+        x = {name: _repeated_rows(a, n) for name, a in starts.items()}
         zeros = np.zeros((n, len(marionette.tree.strings)))
         slips = zeros if slip is None or not len(slip) else zeros + slip
         driven = _driven_steps(marionette, x["v_K"], acc, dt)
         return cls(x, slips, acc, force, values, dt, driven)
 
     @property
-    def along(self) -> dict[str, Array]:
+    def mean_rates(self) -> dict[str, Array]:
         """Means over the steps (n, n_vK): ``rate`` of dq_K/dt, and ``mean`` of dv_K/dt."""
         if self.driven:
             return {
                 k: np.array([getattr(step, k) for step in self.driven]) for k in ("rate", "mean")
             }
         v_K, acc = self.x["v_K"], self.acc_K
-        return {"rate": v_K + 0.5 * self.dt * acc, "mean": _rows(acc, len(v_K))}
+        return {"rate": v_K + 0.5 * self.dt * acc, "mean": _repeated_rows(acc, len(v_K))}
 
 
 class Linearised(NamedTuple):
@@ -268,45 +269,45 @@ class Linearised(NamedTuple):
 
 def linearised(
     marionette: CompiledPuppet,
-    given: StepInputs,
+    inputs: StepInputs,
     options: StepOptions,
     *,
     shares: bool = False,
     buffer: Array | None = None,
 ) -> Linearised:
     """Time steps of the time-stepper and their derivatives; see :func:`linearise_steps`."""
-    x, along, dt, threads = given.x, given.along, given.dt, _threads(options)
-    stepping = marionette.run_options(dt=dt, extrapolate=False)
-    ends: LaneRecord | StepTouches
-    if stepping.contacts is None:
-        touches, ends = None, _time_steps(marionette, stepping, given, threads)
+    x, mean_rates, dt, threads = inputs.x, inputs.mean_rates, inputs.dt, _threads(options)
+    run_options = marionette.run_options(dt=dt, extrapolate=False)
+    end_record: LaneRecord | StepTouches
+    if run_options.contacts is None:
+        touches, end_record = None, _time_steps(marionette, run_options, inputs, threads)
     else:
-        touches = ends = step_touches(
+        touches = end_record = step_touches(
             marionette.library,
-            stepping,
+            run_options,
             marionette.winches,
             marionette.reference_force,
-            x | along | {"slip": given.slip},
-            given.acc_K,
-            given.u_D,
-            given.p,
+            x | mean_rates | {"slip": inputs.slip},
+            inputs.acc_K,
+            inputs.u_D,
+            inputs.p,
             threads,
         )
-    tension = ends.tension
+    tension = end_record.tension
     held = held_rows(marionette, tension)
     derivatives = marionette.libraries.step_derivatives.find(
         {name: x[name] for name in ("q_D", "v_D", "q_K")}
-        | {"slip": given.slip, "tension": tension}
-        | along,
+        | {"slip": inputs.slip, "tension": tension}
+        | mean_rates,
         held,
         # Beyond the puppet's cap of tensions, a winch's largest tension is never reached.
         np.where(marionette.max_forces <= marionette.tension_cap, marionette.cap_parameters, -1),
-        given.p,
-        given.u_D,
+        inputs.p,
+        inputs.u_D,
         dt=dt,
-        recovery_speed=stepping.recovery_speed,
+        recovery_speed=run_options.recovery_speed,
         forces=options.forces,
-        pull=options.pull,
+        pull=options.tension_partials,
         shares=shares,
         threads=threads,
         touches=touches,
@@ -314,82 +315,85 @@ def linearised(
     )
     for columns in (derivatives.motion, derivatives.pull, derivatives.shares, derivatives.moved):
         if columns is not None:
-            _chain_rotations(marionette, given.driven, columns)
-    meant = x["v_D"] + dt * derivatives.acc_D
-    size = 1.0 + np.abs(ends.v_D).max(axis=1, initial=0.0)
-    shortened = ~(np.abs(meant - ends.v_D).max(axis=1, initial=0.0) <= MIN_SHORTENING * size)
+            _chain_rotations(marionette, inputs.driven, columns)
+    expected_v_D = x["v_D"] + dt * derivatives.acc_D
+    speed_scale = 1.0 + np.abs(end_record.v_D).max(axis=1, initial=0.0)
+    is_shortened = ~(
+        np.abs(expected_v_D - end_record.v_D).max(axis=1, initial=0.0)
+        <= MIN_SHORTENING * speed_scale
+    )
     zeros = np.zeros(len(held), dtype=np.int32)
     edges, n_points = (zeros, zeros) if touches is None else (touches.edges, touches.n_points)
-    ended = (ends.status == Status.DONE.value) & ~shortened
+    is_done = (end_record.status == Status.DONE.value) & ~is_shortened
     steps = StepLinearisations(
-        q_D=ends.q_D,
-        v_D=ends.v_D,
-        q_K=ends.q_K,
-        v_K=ends.v_K,
+        q_D=end_record.q_D,
+        v_D=end_record.v_D,
+        q_K=end_record.q_K,
+        v_K=end_record.v_K,
         tension=tension,
-        held=held,
+        active=held,
         motion=derivatives.motion,
-        pull=derivatives.pull,
-        settled=ended & (edges < StepEdge.LAW_CHANGED.value),
+        tension_partials=derivatives.pull,
+        settled=is_done & (edges < StepEdge.LAW_CHANGED.value),
         edges=edges,
         n_contacts=n_points,
         dt=dt,
         coordinates=marionette.coordinates,
-        _driven=given.driven,
+        _driven=inputs.driven,
     )
-    return Linearised(steps, ends, shortened, derivatives.shares, derivatives.moved)
+    return Linearised(steps, end_record, is_shortened, derivatives.shares, derivatives.moved)
 
 
 def held_rows(marionette: CompiledPuppet, tension: Array) -> MaskRows:
     """Mask (..., n_rows) of the rows held by steps with these tensions (..., n_rows)."""
     upper = np.minimum(marionette.max_forces, marionette.tension_cap)
-    return marionette.two_sided | ((tension > 0.0) & (tension < SLIPPING_SHARE * upper))
+    return marionette.two_sided | ((tension > 0.0) & (tension < SLIPPING_RATIO * upper))
 
 
 def _time_steps(
-    marionette: CompiledPuppet, options: RunOptions, given: StepInputs, threads: int
+    marionette: CompiledPuppet, options: RunOptions, inputs: StepInputs, threads: int
 ) -> LaneRecord:
     """Record of the steps of a puppet without contact."""
     library = marionette.libraries.lanes
-    record = LaneRecord(len(given.x["q_D"]), library.sizes)
-    record.begin(**given.x, slip=given.slip, p=given.p)
+    record = LaneRecord(len(inputs.x["q_D"]), library.sizes)
+    record.begin(**inputs.x, slip=inputs.slip, p=inputs.p)
     steppers = LaneSteppers(library, record, threads, options, marionette.winches)
-    steppers.advance(given.dt, given.acc_K, given.u_D)
+    steppers.advance(inputs.dt, inputs.acc_K, inputs.u_D)
     return record
 
 
 def _variational(
     marionette: CompiledPuppet,
     derivatives: VariationalPartials,
-    given: StepInputs,
+    inputs: StepInputs,
     options: StepOptions,
 ) -> StepLinearisations:
     """Linearisations of variational steps."""
     t = marionette.coordinates
-    selected = np.ones(derivatives.motion.shape[-1], dtype=bool)
+    is_selected = np.ones(derivatives.motion.shape[-1], dtype=bool)
     if not options.forces:
         first = 2 * t.n_vD + 3 * t.n_vK
-        selected[first : first + t.n_vD] = False
-    slips = np.any(derivatives.tension >= SLIPPING_SHARE * marionette.max_forces, axis=1)
+        is_selected[first : first + t.n_vD] = False
+    is_slipping = np.any(derivatives.tension >= SLIPPING_RATIO * marionette.max_forces, axis=1)
     zeros = np.zeros(len(derivatives.solved), dtype=np.int32)
     return StepLinearisations(
         **derivatives.end,
         tension=derivatives.tension,
-        held=derivatives.held,
-        motion=derivatives.motion[..., selected],
-        pull=derivatives.pull[..., selected] if options.pull else None,
-        settled=derivatives.solved & ~slips,
+        active=derivatives.held,
+        motion=derivatives.motion[..., is_selected],
+        tension_partials=derivatives.pull[..., is_selected] if options.tension_partials else None,
+        settled=derivatives.solved & ~is_slipping,
         edges=zeros,
         n_contacts=zeros,
-        dt=given.dt,
+        dt=inputs.dt,
         coordinates=t,
-        _driven=given.driven,
+        _driven=inputs.driven,
     )
 
 
-def _rows(rows: Array, n: int) -> Array:
+def _repeated_rows(values: Array, n: int) -> Array:
     """Array (n, ...) of n rows, or of one repeated row."""
-    return rows if len(rows) == n else np.broadcast_to(rows, (n, rows.shape[1]))
+    return values if len(values) == n else np.broadcast_to(values, (n, values.shape[1]))
 
 
 def _driven_steps(
@@ -399,8 +403,8 @@ def _driven_steps(
     quaternions = marionette.coordinates.quaternions_K
     if not quaternions:
         return ()
-    rows = np.broadcast_to(acc_K, v_K.shape)
-    return tuple(DrivenStep(quaternions, v, a, dt) for v, a in zip(v_K, rows, strict=True))
+    accelerations = np.broadcast_to(acc_K, v_K.shape)
+    return tuple(DrivenStep(quaternions, v, a, dt) for v, a in zip(v_K, accelerations, strict=True))
 
 
 def _chain_rotations(
@@ -412,8 +416,8 @@ def _chain_rotations(
     for _, v in t.quaternions_K:
         by_v = slice(2 * n + k + v, 2 * n + k + v + 3)
         by_acc = slice(by_v.start + k, by_v.stop + k)
-        for step, part in zip(driven, columns, strict=True):
-            rate, mean = part[:, by_v].copy(), part[:, by_acc].copy()
+        for step, step_columns in zip(driven, columns, strict=True):
+            rate, mean = step_columns[:, by_v].copy(), step_columns[:, by_acc].copy()
             mean_by_v, mean_by_acc = step.mean_by(slice(v, v + 3))
-            part[:, by_v] = rate + mean @ mean_by_v
-            part[:, by_acc] = 0.5 * step.dt * rate + mean @ mean_by_acc
+            step_columns[:, by_v] = rate + mean @ mean_by_v
+            step_columns[:, by_acc] = 0.5 * step.dt * rate + mean @ mean_by_acc

@@ -92,69 +92,82 @@ def variational_partials(
         "v_K": x["v_K"] + dt * acc,
     }
     rate = x["v_K"] + 0.5 * dt * acc
-    half = x["q_K"].copy()
+    mid_q_K = x["q_K"].copy()
     for q, v in t.scalars_K:
-        half[:, q] += 0.5 * dt * rate[:, v]
+        mid_q_K[:, q] += 0.5 * dt * rate[:, v]
         end["q_K"][:, q] += dt * rate[:, v]
     library, n_rows = marionette.libraries.variational_derivatives, marionette.tree.n_rows
-    mid = library.evaluate(
+    midpoint = library.evaluate(
         "midpoint_by",
         q_D=x["q_D"],
         xi=_steps(marionette, x["q_D"], end["q_D"]),
-        q_mid=half,
+        q_mid=mid_q_K,
         v_mid=rate,
         acc_mid=acc,
         u_D=force,
         dt=dt,
         p=values,
     )
-    start = library.evaluate("row_rates_by", p=values, **x)
-    last = library.evaluate("row_rates_by", p=values, **end)
+    start_rates = library.evaluate("row_rates_by", p=values, **x)
+    end_rates = library.evaluate("row_rates_by", p=values, **end)
     h = marionette.library.evaluate("rows", q_D=end["q_D"], q_K=end["q_K"], p=values).h
     closed = marionette.two_sided | (h > -MAX_CLOSED_GAP)
-    near = np.flatnonzero(np.any(closed, axis=0))  # rows closed after any of the steps
-    start, last = (_rows_of(row_rates, near) for row_rates in (start, last))
-    closed, wires = closed[:, near], marionette.two_sided[near]
-    none = IMPULSE_ROUNDING * dt * marionette.reference_force
-    begun, ended = (library.evaluate("momenta", p=values, **at).p_D for at in (x, end))
-    size = np.max(np.abs(begun), axis=1, initial=0.0)
-    Lambda, residual = _impulses(start.A_D, closed, begun - mid.before)
-    mu, left_after = _impulses(last.A_D, closed, mid.after - ended)
-    solved = np.maximum(residual, left_after) <= MAX_RESIDUAL * size + none
-    pulls = closed & (wires | (np.abs(Lambda) > none))
-    holds = closed & (wires | (np.abs(mu) > none))
+    rows_near = np.flatnonzero(np.any(closed, axis=0))  # rows closed after any of the steps
+    start_rates, end_rates = (
+        _rows_of(row_rates, rows_near) for row_rates in (start_rates, end_rates)
+    )
+    closed, wires = closed[:, rows_near], marionette.two_sided[rows_near]
+    zero_impulse = IMPULSE_ROUNDING * dt * marionette.reference_force
+    start_momenta, end_momenta = (
+        library.evaluate("momenta", p=values, **at).p_D for at in (x, end)
+    )
+    size = np.max(np.abs(start_momenta), axis=1, initial=0.0)
+    Lambda, residual = _impulses(start_rates.A_D, closed, start_momenta - midpoint.before)
+    mu, end_residual = _impulses(end_rates.A_D, closed, midpoint.after - end_momenta)
+    solved = np.maximum(residual, end_residual) <= MAX_RESIDUAL * size + zero_impulse
+    has_impulse = closed & (wires | (np.abs(Lambda) > zero_impulse))
+    has_end_impulse = closed & (wires | (np.abs(mu) > zero_impulse))
 
-    def spread(of_near: Array) -> Array:
-        out = np.zeros((n, n_rows, *of_near.shape[2:]), dtype=of_near.dtype)
-        out[:, near] = of_near
-        return out
+    def spread(values: Array) -> Array:
+        all_rows = np.zeros((n, n_rows, *values.shape[2:]), dtype=values.dtype)
+        all_rows[:, rows_near] = values
+        return all_rows
 
     before = library.evaluate("momenta_by", p=values, tension=spread(-Lambda), **x)
     after = library.evaluate("momenta_by", p=values, tension=spread(mu), **end)
 
     columns = _Columns(n_v, n_k, values.shape[1], dt)
-    of_start = columns.of_inputs(before.e_qK, before.M_DK, None, before.e_p)
-    of_start[..., :n_v] = before.e_q - mid.before_q
-    of_start[..., n_v : 2 * n_v] = before.M
-    of_start -= columns.of_middle(mid, "before")
-    of_heights = columns.of_end(last.A_K, None, last.h_p)
-    of_heights[..., :n_v] = last.A_D @ mid.next_q
+    start_by = columns.of_inputs(before.e_qK, before.M_DK, None, before.e_p)
+    start_by[..., :n_v] = before.e_q - midpoint.before_q
+    start_by[..., n_v : 2 * n_v] = before.M
+    start_by -= columns.of_middle(midpoint, "before")
+    gap_by = columns.of_end(end_rates.A_K, None, end_rates.h_p)
+    gap_by[..., :n_v] = end_rates.A_D @ midpoint.next_q
     xi_by, Lambda_by = _solve_held(
-        mid.before_xi, start.A_D, last.A_D @ mid.next_xi, pulls, of_start, -of_heights
+        midpoint.before_xi,
+        start_rates.A_D,
+        end_rates.A_D @ midpoint.next_xi,
+        has_impulse,
+        start_by,
+        -gap_by,
     )
-    dq = mid.next_xi @ xi_by
-    dq[..., :n_v] += mid.next_q
-    of_momenta = columns.of_middle(mid, "after") + mid.after_xi @ xi_by
-    of_momenta[..., :n_v] += mid.after_q
-    of_momenta -= after.e_q @ dq + columns.of_end(after.e_qK, after.M_DK, after.e_p)
-    of_rates = last.hdot_q @ dq + columns.of_end(last.hdot_qK, last.A_K, last.hdot_p)
-    dv, mu_by = _solve_held(after.M, last.A_D, last.A_D, holds, of_momenta, -of_rates)
+    dq = midpoint.next_xi @ xi_by
+    dq[..., :n_v] += midpoint.next_q
+    momenta_by = columns.of_middle(midpoint, "after") + midpoint.after_xi @ xi_by
+    momenta_by[..., :n_v] += midpoint.after_q
+    momenta_by -= after.e_q @ dq + columns.of_end(after.e_qK, after.M_DK, after.e_p)
+    hdot_by = end_rates.hdot_q @ dq + columns.of_end(
+        end_rates.hdot_qK, end_rates.A_K, end_rates.hdot_p
+    )
+    dv, mu_by = _solve_held(
+        after.M, end_rates.A_D, end_rates.A_D, has_end_impulse, momenta_by, -hdot_by
+    )
     return VariationalPartials(
         end=end,
-        tension=spread(Lambda * pulls + mu * holds) / dt,
+        tension=spread(Lambda * has_impulse + mu * has_end_impulse) / dt,
         motion=np.concatenate([dq, dv], axis=1),
         pull=spread(Lambda_by + mu_by) / dt,
-        held=spread(pulls | holds).astype(np.bool_),
+        held=spread(has_impulse | has_end_impulse).astype(np.bool_),
         solved=solved & (batch.status == Status.DONE),
     )
 
@@ -225,20 +238,22 @@ class _Columns:
 
     def of_end(self, by_q: Array, by_v: Array | None, by_p: Array) -> Array:
         """Derivatives of a quantity that depends on q_K and v_K after the step, and on p."""
-        dt, of_v = self.dt, 0.0 if by_v is None else by_v
-        return self.of_inputs(by_q, dt * by_q + of_v, 0.5 * dt * dt * by_q + dt * of_v, by_p)
+        dt, by_v_or_zero = self.dt, 0.0 if by_v is None else by_v
+        return self.of_inputs(
+            by_q, dt * by_q + by_v_or_zero, 0.5 * dt * dt * by_q + dt * by_v_or_zero, by_p
+        )
 
-    def of_middle(self, mid: object, end: str) -> Array:
+    def of_middle(self, midpoint: object, end: str) -> Array:
         """Derivatives of the midpoint's momenta by inputs, forces and parameters."""
         dt = self.dt
-        of_q, of_v, of_acc, of_u, of_p = (
-            getattr(mid, f"{end}_{name}") for name in ("qm", "vm", "am", "u", "p")
+        by_q, by_v, by_acc, by_u, by_p = (
+            getattr(midpoint, f"{end}_{name}") for name in ("qm", "vm", "am", "u", "p")
         )
         out = self.of_inputs(
-            of_q, 0.5 * dt * of_q + of_v, 0.25 * dt * dt * of_q + 0.5 * dt * of_v + of_acc, of_p
+            by_q, 0.5 * dt * by_q + by_v, 0.25 * dt * dt * by_q + 0.5 * dt * by_v + by_acc, by_p
         )
-        place = 2 * self.n_v + 3 * self.n_k
-        out[..., place : place + self.n_v] = of_u
+        first = 2 * self.n_v + 3 * self.n_k
+        out[..., first : first + self.n_v] = by_u
         return out
 
 
@@ -250,41 +265,43 @@ def _rows_of(row_rates: SimpleNamespace, rows: Indices) -> SimpleNamespace:
 def _steps(marionette: CompiledPuppet, q: Array, end: Array) -> Array:
     """Vectors xi (n, n_vD) between configurations (n, n_qD): rotations by 4 atan |xi/4|."""
     t = marionette.coordinates
-    out = np.zeros((len(q), t.n_vD))
+    steps = np.zeros((len(q), t.n_vD))
     for i, v in t.scalars_D:
-        out[:, v] = end[:, i] - q[:, i]
+        steps[:, v] = end[:, i] - q[:, i]
     for i, v in t.quaternions_D:
-        turn = rotation.between(q[:, i : i + 4], end[:, i : i + 4])
-        angle = np.linalg.norm(turn, axis=-1, keepdims=True)
-        small = angle < 1e-6
-        scale = np.where(small, 1.0, 4.0 * np.tan(0.25 * angle) / np.where(small, 1.0, angle))
-        out[:, v : v + 3] = scale * turn
-    return out
+        rotation_vector = rotation.between(q[:, i : i + 4], end[:, i : i + 4])
+        angle = np.linalg.norm(rotation_vector, axis=-1, keepdims=True)
+        is_small = angle < 1e-6
+        scale = np.where(is_small, 1.0, 4.0 * np.tan(0.25 * angle) / np.where(is_small, 1.0, angle))
+        steps[:, v : v + 3] = scale * rotation_vector
+    return steps
 
 
-def _impulses(A_D: Array, some: MaskRows, momenta: Array) -> tuple[Array, Array]:
+def _impulses(A_D: Array, active: MaskRows, momenta: Array) -> tuple[Array, Array]:
     """Impulses y (n, n_rows) with A_D^T y = momenta over some rows, and largest residuals (n,)."""
-    A = np.swapaxes(A_D * some[..., None], 1, 2)
-    y = (np.linalg.pinv(A, rcond=DEPENDENT_ROWS) @ momenta[..., None])[..., 0] * some
+    A = np.swapaxes(A_D * active[..., None], 1, 2)
+    y = (np.linalg.pinv(A, rcond=DEPENDENT_ROWS) @ momenta[..., None])[..., 0] * active
     remaining = momenta - (A @ y[..., None])[..., 0]
     return y, np.max(np.abs(remaining), axis=1, initial=0.0)
 
 
 def _solve_held(
-    M: Array, forces: Array, rows: Array, some: MaskRows, right: Array, rates: Array
+    M: Array, forces: Array, rows: Array, active: MaskRows, right_side: Array, rates: Array
 ) -> tuple[Array, Array]:
     """Solution x, y of M x + forces^T y = right, rows x = rates over some rows; other y are 0."""
-    k, n_v = some.shape[1], M.shape[1]
-    mask = some[..., None].astype(float)
+    k, n_v = active.shape[1], M.shape[1]
+    mask = active[..., None].astype(float)
     K = np.zeros((len(M), n_v + k, n_v + k))
     K[:, :n_v, :n_v] = M
     K[:, :n_v, n_v:] = np.swapaxes(forces * mask, 1, 2)
     K[:, n_v:, :n_v] = rows * mask
     K[:, n_v:, n_v:] = (1.0 - mask) * np.eye(k)
-    whole = np.concatenate([right, rates * mask], axis=1)
-    depends = np.linalg.matrix_rank(forces * mask, rtol=DEPENDENT_ROWS) < np.sum(some, axis=1)
-    out = np.empty_like(whole)
-    out[~depends] = np.linalg.solve(K[~depends], whole[~depends])
-    for i in np.flatnonzero(depends):
-        out[i] = np.linalg.lstsq(K[i], whole[i], rcond=DEPENDENT_ROWS)[0]
+    right_sides = np.concatenate([right_side, rates * mask], axis=1)
+    is_dependent = np.linalg.matrix_rank(forces * mask, rtol=DEPENDENT_ROWS) < np.sum(
+        active, axis=1
+    )
+    out = np.empty_like(right_sides)
+    out[~is_dependent] = np.linalg.solve(K[~is_dependent], right_sides[~is_dependent])
+    for i in np.flatnonzero(is_dependent):
+        out[i] = np.linalg.lstsq(K[i], right_sides[i], rcond=DEPENDENT_ROWS)[0]
     return out[:, :n_v], out[:, n_v:]

@@ -26,8 +26,8 @@ from fantoccini.dynamics.equilibrium.newton import (
     newton,
     pushed,
 )
-from fantoccini.dynamics.equilibrium.projection import onto_rows, positioned
-from fantoccini.dynamics.equilibrium.relaxation import in_step, poles
+from fantoccini.dynamics.equilibrium.projection import moved_onto_rows, onto_rows
+from fantoccini.dynamics.equilibrium.relaxation import poles, with_motors_in_step
 from fantoccini.motion import State
 
 
@@ -70,72 +70,76 @@ def descended(marionette: CompiledPuppet, x: State) -> Equilibrium:
         StateError: V keeps falling, or the search stalled with unbalanced forces.
     """
     solution = _minimum(marionette, x)
-    moved = in_step(marionette, solution.x)
-    if moved is not solution.x:
-        solution = _minimum(marionette, positioned(marionette, moved)[0])
-    finer = newton(marionette, solution.x)
-    if finer is None or np.max(np.abs(finer.x.q_D - solution.x.q_D)) > DESCENT.max_newton_move:
+    in_step_state = with_motors_in_step(marionette, solution.x)
+    if in_step_state is not solution.x:
+        solution = _minimum(marionette, moved_onto_rows(marionette, in_step_state)[0])
+    refined = newton(marionette, solution.x)
+    if refined is None or np.max(np.abs(refined.x.q_D - solution.x.q_D)) > DESCENT.max_newton_move:
         return solution
-    return finer
+    return refined
 
 
 def _minimum(marionette: CompiledPuppet, x: State) -> Equilibrium:
     wires, scale = marionette.two_sided, marionette.row_scales(x.q_D, x.q_K)
-    size_of_forces = marionette.weight / np.sqrt(marionette.mass)
+    force_scale = marionette.weight / np.sqrt(marionette.mass)
     mu, V, start = DESCENT.first_mu, marionette.energies(x)[1], x.q_D
-    longest = np.full(len(x.v_D), DESCENT.max_move)
+    max_moves = np.full(len(x.v_D), DESCENT.max_move)
     for row, pole in poles(marionette):
-        longest[row.v] = np.minimum(longest[row.v], DESCENT.pole_share * pole)
+        max_moves[row.v] = np.minimum(max_moves[row.v], DESCENT.pole_share * pole)
     rows: Indices = np.zeros(0, dtype=np.intp)
     tension, unbalanced, stalls = np.zeros(0), np.inf, 0
     for _ in range(DESCENT.max_rounds):
-        at = Evaluation.of(marionette, x)
-        near = np.flatnonzero((at.h > -DESCENT.near_gap * scale) | wires)
-        by_move = _force_derivative(marionette, Equilibrium(x, rows, tension))
-        bends = values, modes = curvature(at, by_move)
+        evaluation = Evaluation.at_state(marionette, x)
+        near = np.flatnonzero((evaluation.h > -DESCENT.near_gap * scale) | wires)
+        force_by_move = _force_derivative(marionette, Equilibrium(x, rows, tension))
+        curvature_modes = values, modes = curvature(evaluation, force_by_move)
         while True:
             damped = np.maximum(np.abs(values) + mu, DESCENT.min_curvature)
             softened = modes / np.sqrt(damped)
-            W = softened.T @ at.W[:, near]
-            force = softened.T @ at.w0
-            solution = marionette.library.complementarity(W, at.h[near] + W.T @ force, wires[near])
-            move = at.solve_factor(softened @ (force - W @ solution.x))
-            size = float(np.max(np.abs(move), initial=0.0))
-            move = move / max(1.0, float(np.max(np.abs(move) / longest, initial=0.0)))
-            other, worst = onto_rows(marionette, x.replace(q_D=retract(marionette, x.q_D, move)))
-            V_other = marionette.energies(other)[1]
-            fell = V - V_other + _motors_work(marionette, x, other)
-            flat = abs(fell) <= DESCENT.max_flat_fall * marionette.weight + DESCENT.rounding * abs(
-                V
+            W = softened.T @ evaluation.W[:, near]
+            force = softened.T @ evaluation.w0
+            solution = marionette.library.complementarity(
+                W, evaluation.h[near] + W.T @ force, wires[near]
             )
-            lower = worst <= ROW_TOLERANCES.start_gap and (fell > 0.0 or flat)
-            if lower or mu > DESCENT.max_mu:
+            move = evaluation.solve_factor(softened @ (force - W @ solution.x))
+            size = float(np.max(np.abs(move), initial=0.0))
+            move = move / max(1.0, float(np.max(np.abs(move) / max_moves, initial=0.0)))
+            next_state, violation = onto_rows(
+                marionette, x.replace(q_D=retract(marionette, x.q_D, move))
+            )
+            next_V = marionette.energies(next_state)[1]
+            fall = V - next_V + _motors_work(marionette, x, next_state)
+            is_flat = abs(
+                fall
+            ) <= DESCENT.max_flat_fall * marionette.weight + DESCENT.rounding * abs(V)
+            is_accepted = violation <= ROW_TOLERANCES.start_gap and (fall > 0.0 or is_flat)
+            if is_accepted or mu > DESCENT.max_mu:
                 break
             mu = max(DESCENT.mu_growth * mu, DESCENT.min_mu)
-        pulls = solution.x != 0.0
-        rows, tension = near[pulls], solution.x[pulls]
-        before = unbalanced
-        unbalanced = float(np.linalg.norm(at.w0 - at.W[:, rows] @ tension))
+        is_pulling = solution.x != 0.0
+        rows, tension = near[is_pulling], solution.x[is_pulling]
+        previous_unbalanced = unbalanced
+        unbalanced = float(np.linalg.norm(evaluation.w0 - evaluation.W[:, rows] @ tension))
         # Where V is flat to rounding, forces still measure the distance. A single move along a
         # valley may leave the forces across it unchanged.
-        stalls = stalls + 1 if flat and unbalanced > 0.5 * before else 0
+        stalls = stalls + 1 if is_flat and unbalanced > 0.5 * previous_unbalanced else 0
         if size < DESCENT.min_move or stalls > DESCENT.max_stalls or mu > DESCENT.max_mu:
-            push = instability(at, rows, bends, DESCENT.min_growth_rate)
-            below = None if push is None else pushed(marionette, x, push)
-            if below is None and unbalanced > DESCENT.max_force * size_of_forces:
+            push = instability(evaluation, rows, curvature_modes, DESCENT.min_growth_rate)
+            lower_state = None if push is None else pushed(marionette, x, push)
+            if lower_state is None and unbalanced > DESCENT.max_force * force_scale:
                 raise StateError(
                     "the descent of the potential energy stalled with forces of "
-                    f"{unbalanced / size_of_forces:.2g} of the puppet's weight unbalanced; begin "
+                    f"{unbalanced / force_scale:.2g} of the puppet's weight unbalanced; begin "
                     "nearer to where the puppet hangs, or simulate with damping until it rests"
                 )
-            if below is None:
-                return Equilibrium(other if size < DESCENT.min_move else x, rows, tension)
-            other = below
-            V_other = marionette.energies(other)[1]
-        if np.max(np.abs(other.q_D - start), initial=0.0) > DESCENT.max_distance:
+            if lower_state is None:
+                return Equilibrium(next_state if size < DESCENT.min_move else x, rows, tension)
+            next_state = lower_state
+            next_V = marionette.energies(next_state)[1]
+        if np.max(np.abs(next_state.q_D - start), initial=0.0) > DESCENT.max_distance:
             break
-        shrunk = mu * DESCENT.mu_shrinkage if mu > DESCENT.min_mu and not flat else 0.0
-        x, V, mu = other, V_other, shrunk
+        smaller_mu = mu * DESCENT.mu_shrinkage if mu > DESCENT.min_mu and not is_flat else 0.0
+        x, V, mu = next_state, next_V, smaller_mu
     raise StateError(
         "the descent of the potential energy does not end. Is every free body held by a string, a "
         "limit or a joint to the world?"
@@ -148,17 +152,17 @@ def _motors_work(marionette: CompiledPuppet, x: State, other: State) -> float:
     if not commanded:
         return 0.0
     table, n = marionette.coordinates, len(x.v_D)
-    places = table.scalars_D, table.quaternions_D
-    move = tangent.between(*places, x.q_D, other.q_D, n)
-    q_D = tangent.moved(*places, x.q_D, np.array([[0.0], [0.5], [1.0]]) * move)
+    index_pairs = table.scalars_D, table.quaternions_D
+    move = tangent.between(*index_pairs, x.q_D, other.q_D, n)
+    q_D = tangent.moved(*index_pairs, x.q_D, np.array([[0.0], [0.5], [1.0]]) * move)
     k, strings = len(x.v_K), len(marionette.tree.strings)
     zeros = np.zeros((3, n)), np.tile(x.q_K, (3, 1)), np.zeros((3, k))
     force = marionette.effort(q_D, *zeros, zeros[0], zeros[2], np.zeros((3, strings)))
     mean = (force[0] + 4.0 * force[1] + force[2]) / 6.0
     work = 0.0
-    for row, first in commanded:
-        own = move[row.v]
-        work += float(mean[first:][: len(own)] @ own)
+    for row, command_start in commanded:
+        joint_move = move[row.v]
+        work += float(mean[command_start:][: len(joint_move)] @ joint_move)
     return work
 
 
@@ -168,7 +172,11 @@ def _force_derivative(marionette: CompiledPuppet, solution: Equilibrium) -> Arra
         return derivatives(marionette, solution)[0]
     x, n = solution.x, len(solution.x.v_D)
     moves = np.concatenate([np.eye(n), -np.eye(n)]) * DESCENT.difference
-    moved = retract(marionette, x.q_D, moves)
-    at = marionette.at(x) | {"q_D": moved, "acc_K": np.zeros_like(x.v_K), "u_D": np.zeros(n)}
-    w0 = marionette.library.evaluate("dynamics", **at).w0
+    moved_q_D = retract(marionette, x.q_D, moves)
+    arguments = marionette.at(x) | {
+        "q_D": moved_q_D,
+        "acc_K": np.zeros_like(x.v_K),
+        "u_D": np.zeros(n),
+    }
+    w0 = marionette.library.evaluate("dynamics", **arguments).w0
     return (w0[:n] - w0[n:]).T / (2 * DESCENT.difference)

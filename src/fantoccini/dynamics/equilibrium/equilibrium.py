@@ -17,10 +17,10 @@ from fantoccini.dynamics.compiled import (
 )
 from fantoccini.dynamics.derivatives import balanced_state, with_active_set
 from fantoccini.dynamics.equilibrium import descent, relaxation
-from fantoccini.dynamics.equilibrium.newton import Equilibrium, as_asked, sizes
-from fantoccini.dynamics.equilibrium.projection import onto_rows, positioned, violated_rows
+from fantoccini.dynamics.equilibrium.newton import Equilibrium, nearest_to_requested, sizes
+from fantoccini.dynamics.equilibrium.projection import moved_onto_rows, onto_rows, violated_rows
 from fantoccini.dynamics.equilibrium.settling import settled
-from fantoccini.dynamics.equilibrium.support import falling, falls
+from fantoccini.dynamics.equilibrium.support import no_support_message, unsupported_groups
 from fantoccini.kernel.contract import WINCH_AT
 from fantoccini.motion import State
 
@@ -54,44 +54,51 @@ def rest(marionette: CompiledPuppet, x: State) -> State:
         StateError: there is no equilibrium below, none was found, or a winch would slip in it; the
             message has the reason for each search.
     """
-    if groups := falling(marionette):
+    if groups := unsupported_groups(marionette):
         raise StateError(
-            "there is no equilibrium: " + "; ".join(falls(marionette, group) for group in groups)
+            "there is no equilibrium: "
+            + "; ".join(no_support_message(marionette, group) for group in groups)
         )
-    rewinds = marionette.winches[: len(x.slip), WINCH_AT["rewind_speed"]] > 0
-    still = x.replace(
+    has_rewind = marionette.winches[: len(x.slip), WINCH_AT["rewind_speed"]] > 0
+    at_rest = x.replace(
         v_D=np.zeros_like(x.v_D),
         v_K=np.zeros_like(x.v_K),
-        slip=np.where(rewinds, 0.0, x.slip),
+        slip=np.where(has_rewind, 0.0, x.slip),
         taut=np.zeros_like(x.taut),  # rows taut in a motion may be slack at rest
     )
-    start = _brought_onto_rows(marionette, still)
+    start = _moved_onto_rows(marionette, at_rest)
     if not len(start.q_D):
         return with_active_set(marionette, start)
-    touches = [] if marionette.contacts is None else [_settled]
+    contact_searches = [] if marionette.contacts is None else [_settled]
     searches: list[Callable[[CompiledPuppet, State, State], State]] = (
-        [_descended, *touches] if marionette.tree.chains else [_relaxed, *touches, _descended]
+        [_descended, *contact_searches]
+        if marionette.tree.chains
+        else [_relaxed, *contact_searches, _descended]
     )
-    failed = []
+    failures = []
     for search in searches:
         try:
-            return with_active_set(marionette, search(marionette, start, still))
+            return with_active_set(marionette, search(marionette, start, at_rest))
         except StateError as error:
-            failed.append(str(error))
-    raise StateError("no equilibrium was found: " + "; ".join(failed))
+            failures.append(str(error))
+    raise StateError("no equilibrium was found: " + "; ".join(failures))
 
 
-def _relaxed(marionette: CompiledPuppet, start: State, asked: State) -> State:
+def _relaxed(marionette: CompiledPuppet, start: State, requested: State) -> State:
     resting_point = relaxation.relaxed(marionette, start)
-    return _accepted(marionette, start, as_asked(marionette, asked, resting_point))
+    return _accepted_state(
+        marionette, start, nearest_to_requested(marionette, requested, resting_point)
+    )
 
 
-def _descended(marionette: CompiledPuppet, start: State, asked: State) -> State:
+def _descended(marionette: CompiledPuppet, start: State, requested: State) -> State:
     resting_point = descent.descended(marionette, start)
-    return _accepted(marionette, start, as_asked(marionette, asked, resting_point))
+    return _accepted_state(
+        marionette, start, nearest_to_requested(marionette, requested, resting_point)
+    )
 
 
-def _settled(marionette: CompiledPuppet, start: State, asked: State) -> State:
+def _settled(marionette: CompiledPuppet, start: State, requested: State) -> State:
     try:
         return balanced_state(marionette, settled(marionette, start))
     except StateError:
@@ -99,25 +106,25 @@ def _settled(marionette: CompiledPuppet, start: State, asked: State) -> State:
         raise
 
 
-def _accepted(marionette: CompiledPuppet, start: State, resting_point: Equilibrium) -> State:
+def _accepted_state(marionette: CompiledPuppet, start: State, resting_point: Equilibrium) -> State:
     """The state of an equilibrium; StateError if it is not accepted."""
-    pulls = np.isin(np.arange(marionette.tree.n_rows), resting_point.rows)
-    resting_point = replace(resting_point, x=resting_point.x.replace(taut=pulls))
+    is_pulling = np.isin(np.arange(marionette.tree.n_rows), resting_point.rows)
+    resting_point = replace(resting_point, x=resting_point.x.replace(taut=is_pulling))
     relaxation.check_winches(marionette, resting_point)
-    if wrong := _rejection(marionette, start, resting_point):
-        raise StateError(wrong)
+    if rejection := _rejection(marionette, start, resting_point):
+        raise StateError(rejection)
     if marionette.overlaps(resting_point.x.q_D, resting_point.x.q_K):
         raise StateError("hung from its strings alone it overlaps solids that it touches")
     return resting_point.x
 
 
-def _brought_onto_rows(marionette: CompiledPuppet, x: State) -> State:
+def _moved_onto_rows(marionette: CompiledPuppet, x: State) -> State:
     """The state brought onto its rows, with time-stepping if their slopes do not lead there."""
-    start, remaining = positioned(marionette, x)
+    start, remaining = moved_onto_rows(marionette, x)
     for _ in range(ACCEPTANCE.max_hauls if remaining else 0):
-        x = relaxation.hauled_in(marionette, x)
+        x = relaxation.pulled_towards_rows(marionette, x)
         if onto_rows(marionette, x)[1] <= ROW_TOLERANCES.start_gap:
-            start, remaining = positioned(marionette, x)
+            start, remaining = moved_onto_rows(marionette, x)
             break
     if remaining:
         raise StateError(
@@ -132,16 +139,16 @@ def _brought_onto_rows(marionette: CompiledPuppet, x: State) -> State:
 def _rejection(marionette: CompiledPuppet, start: State, resting_point: Equilibrium) -> str:
     """Reason for not accepting an equilibrium, in words; "" if it is accepted."""
     mass, weight = sizes(marionette)
-    left = violated_rows(marionette, resting_point.x)
-    if left:
-        return f"where forces balance, {left}"
-    at = Evaluation.of(marionette, resting_point.x)
+    violations = violated_rows(marionette, resting_point.x)
+    if violations:
+        return f"where forces balance, {violations}"
+    evaluation = Evaluation.at_state(marionette, resting_point.x)
     _, tension = forward_dynamics(marionette, resting_point.x)
-    force = np.linalg.norm(at.w0 - at.W @ tension) * np.sqrt(mass) / weight
+    force = np.linalg.norm(evaluation.w0 - evaluation.W @ tension) * np.sqrt(mass) / weight
     if force > (ACCEPTANCE.max_force_of_chains if marionette.tree.chains else ACCEPTANCE.max_force):
         return f"forces of {force:.2g} of the puppet's weight are unbalanced"
-    above = marionette.energies(resting_point.x)[1] - marionette.energies(start)[1]
+    rise = marionette.energies(resting_point.x)[1] - marionette.energies(start)[1]
     # V does not include the work of drives.
-    if above > ACCEPTANCE.max_rise * weight and not marionette.tree.drives:
-        return f"the equilibrium found lies {above:.2g} J above the start"
+    if rise > ACCEPTANCE.max_rise * weight and not marionette.tree.drives:
+        return f"the equilibrium found lies {rise:.2g} J above the start"
     return ""

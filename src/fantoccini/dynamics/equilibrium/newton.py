@@ -36,7 +36,7 @@ class Newton:
     pushes: tuple[float, ...] = (0.05, 0.01, 0.002)
     """Sizes of the pushes off an unstable equilibrium, as their largest parts."""
     potential_fall: float = 1e-12  # Fall of V above rounding, over the puppet's weight [m]
-    max_turn_rounds: int = 12  # Rounds of :func:`as_asked`
+    max_turn_rounds: int = 12  # Rounds of :func:`nearest_to_requested`
     turn_rounding: float = 1e-13  # Turn that counts as rounding
     max_neutral_stiffness: float = 1e-6
     """Largest stiffness of a neutral move, relative to the stiffest: the precision of finite
@@ -66,32 +66,40 @@ def newton(marionette: CompiledPuppet, x: State) -> Equilibrium | None:
     """The equilibrium near a configuration; None if Newton's method does not converge."""
     scale = marionette.row_scales(x.q_D, x.q_K)
     mass, weight = sizes(marionette)
-    size = weight / np.sqrt(mass)
-    at = Evaluation.of(marionette, x)
-    near = np.flatnonzero((at.h > -NEWTON.near_gap * scale) | marionette.two_sided)
-    hddot = at.gamma[near] + at.W[:, near].T @ at.w0
+    force_scale = weight / np.sqrt(mass)
+    evaluation = Evaluation.at_state(marionette, x)
+    near_rows = np.flatnonzero((evaluation.h > -NEWTON.near_gap * scale) | marionette.two_sided)
+    hddot = evaluation.gamma[near_rows] + evaluation.W[:, near_rows].T @ evaluation.w0
     cap = np.full(len(scale), marionette.tension_cap)
-    tension = at.complementarity(near, hddot, marionette.two_sided, cap).x
-    if np.linalg.norm(at.w0 - at.W[:, near] @ tension) > NEWTON.max_start_force * size:
+    tension = evaluation.complementarity(near_rows, hddot, marionette.two_sided, cap).x
+    if (
+        np.linalg.norm(evaluation.w0 - evaluation.W[:, near_rows] @ tension)
+        > NEWTON.max_start_force * force_scale
+    ):
         return None
-    rows: Indices = near[(tension > NEWTON.tension_rounding * weight) | marionette.two_sided[near]]
+    rows: Indices = near_rows[
+        (tension > NEWTON.tension_rounding * weight) | marionette.two_sided[near_rows]
+    ]
     for _ in range(NEWTON.max_rounds):
-        at = Evaluation.of(marionette, x)
-        W = at.W[:, rows]
+        evaluation = Evaluation.at_state(marionette, x)
+        W = evaluation.W[:, rows]
         tension = np.zeros(0)
         if len(rows):
-            tension = np.asarray(np.linalg.lstsq(W, at.w0, rcond=1e-10)[0], dtype=float)
-        force = at.w0 - W @ tension
-        gap = np.max(np.abs(at.h[rows]) / scale[rows], initial=0.0)
-        if np.linalg.norm(force) < NEWTON.force_rounding * size and gap < NEWTON.gap_rounding:
-            changed = _changed(marionette, at, rows, tension, scale)
-            if changed is None:
+            tension = np.asarray(np.linalg.lstsq(W, evaluation.w0, rcond=1e-10)[0], dtype=float)
+        force = evaluation.w0 - W @ tension
+        gap = np.max(np.abs(evaluation.h[rows]) / scale[rows], initial=0.0)
+        if (
+            np.linalg.norm(force) < NEWTON.force_rounding * force_scale
+            and gap < NEWTON.gap_rounding
+        ):
+            changed_rows = _changed_rows(marionette, evaluation, rows, tension, scale)
+            if changed_rows is None:
                 return Equilibrium(x, rows, tension)
-            rows = changed
+            rows = changed_rows
             continue
         K, A = derivatives(marionette, Equilibrium(x, rows, tension))
         system = np.block([[K, -W], [A, np.zeros((len(rows), len(rows)))]])
-        step = np.linalg.lstsq(system, -np.concatenate([force, at.h[rows]]), rcond=1e-9)[0]
+        step = np.linalg.lstsq(system, -np.concatenate([force, evaluation.h[rows]]), rcond=1e-9)[0]
         move = step[: len(K)]
         largest = np.max(np.abs(move), initial=0.0)
         if not np.isfinite(largest):
@@ -99,70 +107,71 @@ def newton(marionette: CompiledPuppet, x: State) -> Equilibrium | None:
         move = move * min(1.0, NEWTON.max_move / (largest or 1.0))
         x = x.replace(q_D=retract(marionette, x.q_D, move))
         converged = largest < NEWTON.move_rounding
-        if converged and _changed(marionette, at, rows, tension, scale) is None:
+        if converged and _changed_rows(marionette, evaluation, rows, tension, scale) is None:
             return Equilibrium(x, rows, tension)
-    at = Evaluation.of(marionette, x)
-    force = at.w0 - at.W[:, rows] @ tension
-    balanced = np.linalg.norm(force) < NEWTON.max_last_force * size
-    if balanced and _changed(marionette, at, rows, tension, scale) is None:
+    evaluation = Evaluation.at_state(marionette, x)
+    force = evaluation.w0 - evaluation.W[:, rows] @ tension
+    balanced = np.linalg.norm(force) < NEWTON.max_last_force * force_scale
+    if balanced and _changed_rows(marionette, evaluation, rows, tension, scale) is None:
         return Equilibrium(x, rows, tension)
     return None
 
 
-def _changed(
-    marionette: CompiledPuppet, at: Evaluation, rows: Indices, tension: Array, scale: Array
+def _changed_rows(
+    marionette: CompiledPuppet, evaluation: Evaluation, rows: Indices, tension: Array, scale: Array
 ) -> Indices | None:
     """The rows without those that push and with those that are violated; None if unchanged."""
-    pushing = (tension < -NEWTON.tension_rounding * sizes(marionette)[1]) & ~marionette.two_sided[
-        rows
-    ]
-    violated = (at.h > ROW_TOLERANCES.start_gap * scale) & ~marionette.two_sided
-    if not np.any(pushing) and not np.any(violated):
+    is_pushing = (
+        tension < -NEWTON.tension_rounding * sizes(marionette)[1]
+    ) & ~marionette.two_sided[rows]
+    is_violated = (evaluation.h > ROW_TOLERANCES.start_gap * scale) & ~marionette.two_sided
+    if not np.any(is_pushing) and not np.any(is_violated):
         return None
-    return np.union1d(rows[~pushing], np.flatnonzero(violated))
+    return np.union1d(rows[~is_pushing], np.flatnonzero(is_violated))
 
 
 def derivatives(marionette: CompiledPuppet, equilibrium: Equilibrium) -> tuple[Array, Array]:
     """Derivatives of w0 - W tau (n_vD, n_vD) and of h (len(rows), n_vD) by a small move."""
 
     def residual(q_D: Array) -> Array:
-        at = Evaluation.of(marionette, equilibrium.x.replace(q_D=q_D))
+        evaluation = Evaluation.at_state(marionette, equilibrium.x.replace(q_D=q_D))
         return np.append(
-            at.w0 - at.W[:, equilibrium.rows] @ equilibrium.tension, at.h[equilibrium.rows]
+            evaluation.w0 - evaluation.W[:, equilibrium.rows] @ equilibrium.tension,
+            evaluation.h[equilibrium.rows],
         )
 
-    by_move = difference_quotient(marionette, equilibrium.x.q_D, residual, NEWTON.difference)
-    return by_move[: len(equilibrium.x.v_D)], by_move[len(equilibrium.x.v_D) :]
+    derivative = difference_quotient(marionette, equilibrium.x.q_D, residual, NEWTON.difference)
+    return derivative[: len(equilibrium.x.v_D)], derivative[len(equilibrium.x.v_D) :]
 
 
-def curvature(at: Evaluation, by_move: Array) -> tuple[Array, Array]:
+def curvature(evaluation: Evaluation, by_move: Array) -> tuple[Array, Array]:
     """Eigenvalues [1/s^2] and modes of V's Hessian, in coordinates with M_DD the identity.
 
     Args:
-        at: the model at the state.
+        evaluation: the model at the state.
         by_move: (n_vD, n_vD) derivative of w0 - W tau by a small move.
     """
-    H = -by_move @ at.solve_factor(np.eye(len(by_move))).T
+    H = -by_move @ evaluation.solve_factor(np.eye(len(by_move))).T
     return np.linalg.eigh(0.5 * (H + H.T))
 
 
 def instability(
-    at: Evaluation, rows: Indices, curvature: tuple[Array, Array], threshold: float
+    evaluation: Evaluation, rows: Indices, curvature: tuple[Array, Array], threshold: float
 ) -> Array | None:
     """A push (n_vD,) along which V falls while the rows hold; None at a minimum.
 
     Args:
-        at: the model at the state.
+        evaluation: the model at the state.
         rows: the pulling rows.
         curvature: curvature of V + tau . h; see :func:`curvature`.
         threshold: squared growth rate of an instability, relative to the fastest oscillation.
     """
-    (values, modes), W = curvature, at.W[:, rows]
-    free = np.eye(len(modes)) - W @ np.linalg.pinv(W) if len(rows) else np.eye(len(modes))
-    values, vectors = np.linalg.eigh(free @ (modes * values) @ modes.T @ free)
+    (values, modes), W = curvature, evaluation.W[:, rows]
+    projector = np.eye(len(modes)) - W @ np.linalg.pinv(W) if len(rows) else np.eye(len(modes))
+    values, vectors = np.linalg.eigh(projector @ (modes * values) @ modes.T @ projector)
     if values[0] > -threshold * max(1.0, float(np.max(np.abs(values)))):
         return None
-    push = at.solve_factor(free @ vectors[:, 0])
+    push = evaluation.solve_factor(projector @ vectors[:, 0])
     return push / np.max(np.abs(push))
 
 
@@ -175,16 +184,20 @@ def pushed(marionette: CompiledPuppet, x: State, push: Array) -> State | None:
     V, threshold = marionette.energies(x)[1], NEWTON.potential_fall * sizes(marionette)[1]
     for size in NEWTON.pushes:
         for sign in (1.0, -1.0):
-            moved = x.replace(q_D=retract(marionette, x.q_D, sign * size * push))
-            other, worst = onto_rows(marionette, moved)
+            pushed_state = x.replace(q_D=retract(marionette, x.q_D, sign * size * push))
+            onto_rows_state, violation = onto_rows(marionette, pushed_state)
             # V does not include motors' work: the result of the push is judged later.
-            lower = marionette.tree.drives or marionette.energies(other)[1] < V - threshold
-            if worst <= ROW_TOLERANCES.start_gap and lower:
-                return other
+            is_lower = (
+                marionette.tree.drives or marionette.energies(onto_rows_state)[1] < V - threshold
+            )
+            if violation <= ROW_TOLERANCES.start_gap and is_lower:
+                return onto_rows_state
     return None
 
 
-def as_asked(marionette: CompiledPuppet, asked: State, equilibrium: Equilibrium) -> Equilibrium:
+def nearest_to_requested(
+    marionette: CompiledPuppet, requested: State, equilibrium: Equilibrium
+) -> Equilibrium:
     """The equilibrium of equal energy that is rotated least from the requested state.
 
     A load's angle about its only string is neutral. Without this choice it would depend on how the
@@ -192,30 +205,32 @@ def as_asked(marionette: CompiledPuppet, asked: State, equilibrium: Equilibrium)
     translation is the smallest.
     """
     table, n = marionette.coordinates, len(equilibrium.x.v_D)
-    places = table.scalars_D, table.quaternions_D
-    weight = _turn_weights(marionette)
+    index_pairs = table.scalars_D, table.quaternions_D
+    weight = _rotation_weights(marionette)
     for _ in range(NEWTON.max_turn_rounds):
-        neutral = _neutral(marionette, equilibrium)
-        to_asked = tangent.between(*places, equilibrium.x.q_D[None], asked.q_D[None], n)[0]
-        shares = np.linalg.lstsq(weight[:, None] * neutral, weight * to_asked)[0]
-        move = neutral @ shares
+        moves = _neutral_moves(marionette, equilibrium)
+        to_requested = tangent.between(
+            *index_pairs, equilibrium.x.q_D[None], requested.q_D[None], n
+        )[0]
+        coefficients = np.linalg.lstsq(weight[:, None] * moves, weight * to_requested)[0]
+        move = moves @ coefficients
         largest = float(np.max(np.abs(move), initial=0.0))
         if largest < NEWTON.turn_rounding:
             break
         move *= min(1.0, NEWTON.max_move / largest)
-        other = newton(
+        candidate = newton(
             marionette, equilibrium.x.replace(q_D=retract(marionette, equilibrium.x.q_D, move))
         )
-        if other is None or not np.array_equal(other.rows, equilibrium.rows):
+        if candidate is None or not np.array_equal(candidate.rows, equilibrium.rows):
             break
-        risen = marionette.energies(other.x)[1] - marionette.energies(equilibrium.x)[1]
-        if abs(risen) > NEWTON.potential_fall * sizes(marionette)[1]:
+        rise = marionette.energies(candidate.x)[1] - marionette.energies(equilibrium.x)[1]
+        if abs(rise) > NEWTON.potential_fall * sizes(marionette)[1]:
             break
-        equilibrium = other
+        equilibrium = candidate
     return equilibrium
 
 
-def _turn_weights(marionette: CompiledPuppet) -> Array:
+def _rotation_weights(marionette: CompiledPuppet) -> Array:
     """Weights (n_vD,): 1 for rotations, small ones for translations."""
     table = marionette.coordinates
     weight = np.ones(table.n_vD)
@@ -226,13 +241,13 @@ def _turn_weights(marionette: CompiledPuppet) -> Array:
     return weight
 
 
-def _neutral(marionette: CompiledPuppet, equilibrium: Equilibrium) -> Array:
+def _neutral_moves(marionette: CompiledPuppet, equilibrium: Equilibrium) -> Array:
     """Orthonormal basis (n_vD, r) of the moves that change neither forces nor gaps."""
-    W = Evaluation.of(marionette, equilibrium.x).W[:, equilibrium.rows]
+    W = Evaluation.at_state(marionette, equilibrium.x).W[:, equilibrium.rows]
     K, A = derivatives(marionette, equilibrium)
     K = K - W @ (np.linalg.pinv(W) @ K) if len(equilibrium.rows) else K
-    parts = [part / max(float(np.max(np.abs(part), initial=0.0)), 1e-300) for part in (K, A)]
-    _, size, modes = np.linalg.svd(np.concatenate(parts))
+    scaled = [part / max(float(np.max(np.abs(part), initial=0.0)), 1e-300) for part in (K, A)]
+    _, size, modes = np.linalg.svd(np.concatenate(scaled))
     return np.asarray(modes[size < NEWTON.max_neutral_stiffness * size[0]].T)
 
 
@@ -241,5 +256,5 @@ def sizes(marionette: CompiledPuppet) -> tuple[float, float]:
 
     If only rotors move, they are the rotors' inertia, and 1 N or N m.
     """
-    rotors = sum(row.inertia(marionette.number) for row in marionette.tree.drives)
-    return marionette.mass or rotors or 1.0, marionette.weight or 1.0
+    rotor_inertia = sum(row.inertia(marionette.number) for row in marionette.tree.drives)
+    return marionette.mass or rotor_inertia or 1.0, marionette.weight or 1.0

@@ -82,59 +82,61 @@ def project(marionette: CompiledPuppet, x: State) -> State:
     Positions first: M (q - q_0) + A_D^T y = 0 with h <= 0, y >= 0 and y . h = 0 or, if that does
     not converge, a nearby state with h <= 0. Then velocities: hdot <= 0 on closed rows.
     """
-    taut = ActiveSet.of(marionette, x, Evaluation.of(marionette, x)).held & taut_mask(marionette, x)
-    solution, remaining = positioned(marionette, x)
-    if remaining:
+    taut = ActiveSet.at_state(marionette, x, Evaluation.at_state(marionette, x)).held & taut_mask(
+        marionette, x
+    )
+    solution, violations = moved_onto_rows(marionette, x)
+    if violations:
         raise StateError(
             "no state of the puppet was found that fits these string ends and lengths: "
-            f"{remaining}. "
+            f"{violations}. "
             f"Tried: moves onto the strings and limits, from there and {len(SEARCH.pushes)} places "
             "nearby"
         )
     solution = _onto_taut_rows(marionette, solution, taut)
-    at = Evaluation.of(marionette, solution)
+    evaluation = Evaluation.at_state(marionette, solution)
     scale = marionette.row_scales(solution.q_D, solution.q_K)
     # Winches that slip absorb the speed instead.
-    is_firmly_held = (np.abs(at.h) <= ROW_TOLERANCES.start_gap * scale) & ~np.isfinite(
+    is_firmly_held = (np.abs(evaluation.h) <= ROW_TOLERANCES.start_gap * scale) & ~np.isfinite(
         marionette.max_forces
     )
     wires = marionette.two_sided
     rows = np.flatnonzero(is_firmly_held | wires)
-    impulse = at.complementarity(rows, at.hdot[rows], wires | solution.taut)
+    impulse = evaluation.complementarity(rows, evaluation.hdot[rows], wires | solution.taut)
     if not impulse.solved:
-        impulse = at.complementarity(rows, at.hdot[rows], wires)
+        impulse = evaluation.complementarity(rows, evaluation.hdot[rows], wires)
     if not impulse.solved:
         names = ", ".join(marionette.names_of(rows, impulse.ray))
         raise StateError(f"no velocity of the puppet fits these driven velocities: {names}")
-    v_D = solution.v_D - at.solve_factor(at.W[:, rows] @ impulse.x)
+    v_D = solution.v_D - evaluation.solve_factor(evaluation.W[:, rows] @ impulse.x)
     return with_active_set(marionette, solution.replace(v_D=v_D, taut=solution.taut))
 
 
-def positioned(marionette: CompiledPuppet, x: State) -> tuple[State, str]:
+def moved_onto_rows(marionette: CompiledPuppet, x: State) -> tuple[State, str]:
     """The state moved onto the rows with unchanged velocities; remaining violations, in words."""
-    solution, worst = onto_rows(marionette, x)
-    best, smallest = solution, worst
+    solution, violation = onto_rows(marionette, x)
+    best_state, least_violation = solution, violation
     rng = np.random.default_rng(SEARCH.seed)
     for size in SEARCH.pushes:
-        if worst <= ROW_TOLERANCES.start_gap:
+        if violation <= ROW_TOLERANCES.start_gap:
             break
         push = rng.uniform(-size, size, len(x.v_D))
-        solution, worst = onto_rows(marionette, x.replace(q_D=retract(marionette, x.q_D, push)))
-        if worst < smallest:
-            best, smallest = solution, worst
-    if worst > ROW_TOLERANCES.start_gap:
-        return best, violated_rows(marionette, best)
+        solution, violation = onto_rows(marionette, x.replace(q_D=retract(marionette, x.q_D, push)))
+        if violation < least_violation:
+            best_state, least_violation = solution, violation
+    if violation > ROW_TOLERANCES.start_gap:
+        return best_state, violated_rows(marionette, best_state)
     if solution is not x:
-        solution = _nearest(marionette, solution, x)
+        solution = _nearest_state(marionette, solution, x)
     return solution, ""
 
 
 def violated_rows(marionette: CompiledPuppet, x: State) -> str:
     """Violated rows with their violations, in words; may be ""."""
-    h, scale = Evaluation.of(marionette, x).h, marionette.row_scales(x.q_D, x.q_K)
-    strings, texts = len(marionette.tree.strings), []
+    h, scale = Evaluation.at_state(marionette, x).h, marionette.row_scales(x.q_D, x.q_K)
+    n_strings, texts = len(marionette.tree.strings), []
     for i in np.flatnonzero(_violation(marionette, h) > ROW_TOLERANCES.start_gap * scale):
-        if i >= strings:
+        if i >= n_strings:
             text = f"is exceeded by {h[i]:.3g}"
         elif h[i] > 0.0:
             text = f"is too short by {1e3 * h[i]:.3g} mm"
@@ -155,27 +157,27 @@ def onto_rows(marionette: CompiledPuppet, x: State) -> tuple[State, float]:
     Steps are halved until the violation falls. A state that violates no row is unchanged.
     """
     scale, wires = marionette.row_scales(x.q_D, x.q_K), marionette.two_sided
-    at = Evaluation.of(marionette, x)
-    violation = _violation(marionette, at.h) / scale
+    evaluation = Evaluation.at_state(marionette, x)
+    violation = _violation(marionette, evaluation.h) / scale
     for _ in range(SEARCH.max_rounds):
         if np.max(violation, initial=0.0) <= SEARCH.gap_rounding:
             break
-        rows = np.flatnonzero((at.h > -SEARCH.near_gap * scale) | wires)
-        move = at.solve_factor(_shortest(marionette, at, rows))
+        rows = np.flatnonzero((evaluation.h > -SEARCH.near_gap * scale) | wires)
+        move = evaluation.solve_factor(_least_move(marionette, evaluation, rows))
         size = _largest_entry(move)
         if not SEARCH.move_rounding < size < np.inf:
             break
-        part = min(1.0, SEARCH.max_move / size)
+        step_fraction = min(1.0, SEARCH.max_move / size)
         for _ in range(SEARCH.max_halvings):
-            other = x.replace(q_D=retract(marionette, x.q_D, part * move))
-            there = Evaluation.of(marionette, other)
-            remaining = _violation(marionette, there.h) / scale
+            candidate = x.replace(q_D=retract(marionette, x.q_D, step_fraction * move))
+            at_candidate = Evaluation.at_state(marionette, candidate)
+            remaining = _violation(marionette, at_candidate.h) / scale
             if np.linalg.norm(remaining) < SEARCH.max_decrease_ratio * np.linalg.norm(violation):
                 break
-            part *= 0.5
+            step_fraction *= 0.5
         else:
             break
-        x, at, violation = other, there, remaining
+        x, evaluation, violation = candidate, at_candidate, remaining
     return x, float(np.max(violation, initial=0.0))
 
 
@@ -185,28 +187,32 @@ def _onto_taut_rows(marionette: CompiledPuppet, x: State, taut: MaskRows) -> Sta
     ``x`` must satisfy the rows, with the taut ones nearly closed. Taut rows that contradict one
     another stay slack in the state returned.
     """
-    moved, wires = x, marionette.two_sided
+    solution_state, wires = x, marionette.two_sided
     if not np.any(taut):
         return x.replace(taut=taut)
     scale = marionette.row_scales(x.q_D, x.q_K)
     for _ in range(SEARCH.max_taut_rounds):
-        at = Evaluation.of(marionette, moved)
-        off = np.where(taut | wires, np.abs(at.h), at.h) > SEARCH.gap_rounding * scale
-        if not np.any(off):
+        evaluation = Evaluation.at_state(marionette, solution_state)
+        is_off = (
+            np.where(taut | wires, np.abs(evaluation.h), evaluation.h) > SEARCH.gap_rounding * scale
+        )
+        if not np.any(is_off):
             break
-        rows = np.flatnonzero((at.h > -SEARCH.near_taut_gap * scale) | taut | wires)
-        solution = at.complementarity(rows, at.h[rows], taut | wires)
+        rows = np.flatnonzero((evaluation.h > -SEARCH.near_taut_gap * scale) | taut | wires)
+        solution = evaluation.complementarity(rows, evaluation.h[rows], taut | wires)
         if not solution.solved:
             break
-        move = -at.solve_factor(at.W[:, rows] @ solution.x)
+        move = -evaluation.solve_factor(evaluation.W[:, rows] @ solution.x)
         move *= min(1.0, SEARCH.max_move / max(_largest_entry(move), SEARCH.max_move))
-        moved = moved.replace(q_D=integrate(marionette, moved.q_D, move))
-    h = Evaluation.of(marionette, moved).h
-    met = np.abs(h) <= ROW_TOLERANCES.start_gap * scale
-    if np.all(met | ((h <= ROW_TOLERANCES.start_gap * scale) & ~taut & ~wires)):
-        return moved.replace(taut=taut)
-    fewer = taut & met
-    return _onto_taut_rows(marionette, x, fewer if np.any(fewer != taut) else np.zeros_like(taut))
+        solution_state = solution_state.replace(q_D=integrate(marionette, solution_state.q_D, move))
+    h = Evaluation.at_state(marionette, solution_state).h
+    is_met = np.abs(h) <= ROW_TOLERANCES.start_gap * scale
+    if np.all(is_met | ((h <= ROW_TOLERANCES.start_gap * scale) & ~taut & ~wires)):
+        return solution_state.replace(taut=taut)
+    met_taut = taut & is_met
+    return _onto_taut_rows(
+        marionette, x, met_taut if np.any(met_taut != taut) else np.zeros_like(taut)
+    )
 
 
 def _largest_entry(move: Array) -> float:
@@ -214,52 +220,56 @@ def _largest_entry(move: Array) -> float:
     return float(np.max(np.abs(move), initial=0.0))
 
 
-def _shortest(marionette: CompiledPuppet, at: Evaluation, rows: Indices) -> Array:
+def _least_move(marionette: CompiledPuppet, evaluation: Evaluation, rows: Indices) -> Array:
     """The shortest y with h + W^T y <= 0, or with the least violation."""
-    W, h, wires = at.W[:, rows], at.h[rows], marionette.two_sided[rows]
-    solution = at.complementarity(rows, h, marionette.two_sided)
+    W, h, wires = evaluation.W[:, rows], evaluation.h[rows], marionette.two_sided[rows]
+    solution = evaluation.complementarity(rows, h, marionette.two_sided)
     if solution.solved:
         return -W @ solution.x
     # min |y|^2 + k |s|^2 with h + W^T y <= s: this adds 1/k to the diagonal of W^T W.
     from scipy.optimize import lsq_linear  # slow to import, and only contradictions need it
 
     damping = np.sqrt(np.trace(W.T @ W) / (SEARCH.violation_cost * len(rows)))
-    tall = np.vstack([W, np.eye(len(rows)) * damping])
+    stacked = np.vstack([W, np.eye(len(rows)) * damping])
     # x of min |tall x|^2 / 2 - h . x, completed to a square.
-    target = np.linalg.lstsq(tall.T, h, rcond=None)[0]
+    target = np.linalg.lstsq(stacked.T, h, rcond=None)[0]
     lower = np.where(wires, -np.inf, 0.0)
-    return -W @ lsq_linear(tall, target, (lower, np.inf), method="bvls").x
+    return -W @ lsq_linear(stacked, target, (lower, np.inf), method="bvls").x
 
 
-def _nearest(marionette: CompiledPuppet, x: State, origin: State) -> State:
+def _nearest_state(marionette: CompiledPuppet, x: State, origin: State) -> State:
     """The state moved along the rows until it is nearest to ``origin``.
 
     mu > 0 damps moves, min |q + dq - q_0|_M^2 + mu |dq|_M^2: with mu = 0, curved rows make long
     moves overshoot. Newton's method completes searches that converge slowly.
     """
     wires, scale, mu = marionette.two_sided, marionette.row_scales(x.q_D, x.q_K), 0.0
-    held: tuple[Indices, Array] = np.zeros(0, dtype=np.intp), np.zeros(0)
+    pulling_rows: tuple[Indices, Array] = np.zeros(0, dtype=np.intp), np.zeros(0)
     for _ in range(SEARCH.max_approaches):
-        at = Evaluation.of(marionette, x)
-        away = _away(marionette, at, x, origin)
-        rows = np.flatnonzero((at.h > -SEARCH.near_gap * scale) | wires)
-        W, free_move = at.W[:, rows], away / (1.0 + mu)
-        solution = at.complementarity(rows, at.h[rows] + W.T @ free_move, wires)
-        move = at.solve_factor(free_move - W @ solution.x)
+        evaluation = Evaluation.at_state(marionette, x)
+        offset = _offset(marionette, evaluation, x, origin)
+        rows = np.flatnonzero((evaluation.h > -SEARCH.near_gap * scale) | wires)
+        W, free_move = evaluation.W[:, rows], offset / (1.0 + mu)
+        solution = evaluation.complementarity(rows, evaluation.h[rows] + W.T @ free_move, wires)
+        move = evaluation.solve_factor(free_move - W @ solution.x)
         size = _largest_entry(move)
         if not solution.solved or not SEARCH.nearest_move < size < np.inf:
             return x
         move *= min(1.0, SEARCH.max_move / size)
-        other, worst = onto_rows(marionette, x.replace(q_D=retract(marionette, x.q_D, move)))
-        there = _away(marionette, Evaluation.of(marionette, other), other, origin)
-        farther = (1.0 + SEARCH.distance_growth) * np.linalg.norm(away)
-        if worst > ROW_TOLERANCES.start_gap or np.linalg.norm(there) > farther:
+        candidate, violation = onto_rows(
+            marionette, x.replace(q_D=retract(marionette, x.q_D, move))
+        )
+        new_offset = _offset(
+            marionette, Evaluation.at_state(marionette, candidate), candidate, origin
+        )
+        max_distance = (1.0 + SEARCH.distance_growth) * np.linalg.norm(offset)
+        if violation > ROW_TOLERANCES.start_gap or np.linalg.norm(new_offset) > max_distance:
             mu = max(4.0 * mu, 1.0)
             continue
-        pulls = (solution.x != 0.0) | wires[rows]
-        held = rows[pulls], (1.0 + mu) * solution.x[pulls]
-        x, mu = other, (0.5 * mu if mu > 0.1 else 0.0)
-    return _stationary(marionette, x, origin, *held) or x
+        is_pulling = (solution.x != 0.0) | wires[rows]
+        pulling_rows = rows[is_pulling], (1.0 + mu) * solution.x[is_pulling]
+        x, mu = candidate, (0.5 * mu if mu > 0.1 else 0.0)
+    return _stationary(marionette, x, origin, *pulling_rows) or x
 
 
 def _stationary(
@@ -270,40 +280,47 @@ def _stationary(
     Rows that push are released. None if it does not converge to a state that satisfies all rows
     and is as near.
     """
-    n, at = marionette.coordinates.n_vD, Evaluation.of(marionette, x)
-    farthest = (1.0 + SEARCH.distance_growth) * np.linalg.norm(_away(marionette, at, x, origin))
+    n, evaluation = marionette.coordinates.n_vD, Evaluation.at_state(marionette, x)
+    max_distance = (1.0 + SEARCH.distance_growth) * np.linalg.norm(
+        _offset(marionette, evaluation, x, origin)
+    )
 
     def residual(q_D: Array) -> Array:
         """Residual (n + len(rows),) of the two equations."""
         y = x.replace(q_D=q_D)
-        at = Evaluation.of(marionette, y)
-        return np.append(_away(marionette, at, y, origin) - at.W[:, rows] @ pull, at.h[rows])
+        evaluation = Evaluation.at_state(marionette, y)
+        return np.append(
+            _offset(marionette, evaluation, y, origin) - evaluation.W[:, rows] @ pull,
+            evaluation.h[rows],
+        )
 
     for _ in range(SEARCH.max_newton_rounds):
-        by_q = difference_quotient(marionette, x.q_D, residual, SEARCH.difference)
-        W = np.vstack([-Evaluation.of(marionette, x).W[:, rows], np.zeros((len(rows), len(rows)))])
-        step = np.linalg.lstsq(np.hstack([by_q, W]), -residual(x.q_D), rcond=1e-12)[0]
+        jacobian = difference_quotient(marionette, x.q_D, residual, SEARCH.difference)
+        W = np.vstack(
+            [-Evaluation.at_state(marionette, x).W[:, rows], np.zeros((len(rows), len(rows)))]
+        )
+        step = np.linalg.lstsq(np.hstack([jacobian, W]), -residual(x.q_D), rcond=1e-12)[0]
         size = _largest_entry(step[:n])
         if not size < SEARCH.max_move:
             return None
         x = x.replace(q_D=retract(marionette, x.q_D, step[:n]))
         pull = pull + step[n:]
-        pulls = (pull >= 0.0) | marionette.two_sided[rows]
-        if size < SEARCH.nearest_move and np.all(pulls):
+        is_pulling = (pull >= 0.0) | marionette.two_sided[rows]
+        if size < SEARCH.nearest_move and np.all(is_pulling):
             break
         if size < SEARCH.release_move:
-            rows, pull = rows[pulls], pull[pulls]
+            rows, pull = rows[is_pulling], pull[is_pulling]
     else:
         return None
-    x, worst = onto_rows(marionette, x)
-    distance = np.linalg.norm(_away(marionette, Evaluation.of(marionette, x), x, origin))
-    return None if worst > ROW_TOLERANCES.start_gap or distance > farthest else x
+    x, violation = onto_rows(marionette, x)
+    distance = np.linalg.norm(_offset(marionette, Evaluation.at_state(marionette, x), x, origin))
+    return None if violation > ROW_TOLERANCES.start_gap or distance > max_distance else x
 
 
-def _away(marionette: CompiledPuppet, at: Evaluation, x: State, origin: State) -> Array:
+def _offset(marionette: CompiledPuppet, evaluation: Evaluation, x: State, origin: State) -> Array:
     """The move to the configuration ``origin``, in coordinates with M_DD the identity."""
     table = marionette.coordinates
-    places = table.scalars_D, table.quaternions_D
-    F_inverse = at.solve_factor(np.eye(table.n_vD)).T
-    move = tangent.between(*places, x.q_D, origin.q_D, table.n_vD)
+    index_pairs = table.scalars_D, table.quaternions_D
+    F_inverse = evaluation.solve_factor(np.eye(table.n_vD)).T
+    move = tangent.between(*index_pairs, x.q_D, origin.q_D, table.n_vD)
     return np.asarray(np.linalg.solve(F_inverse, move), dtype=float)

@@ -29,7 +29,7 @@ from fantoccini.motion import State
 
 
 @dataclass(frozen=True)
-class Search:
+class RelaxationBounds:
     """Bounds of relaxation. Moves are in rad or m."""
 
     dt: float = 0.002  # Step of the runs [s]
@@ -46,7 +46,7 @@ class Search:
     """Squared growth rate of an instability, relative to that of the fastest oscillation."""
 
 
-SEARCH = Search()
+RELAXATION = RelaxationBounds()
 
 
 def check_winches(marionette: CompiledPuppet, result: Equilibrium) -> None:
@@ -55,7 +55,7 @@ def check_winches(marionette: CompiledPuppet, result: Equilibrium) -> None:
     if not np.any(np.isfinite(upper)):
         return
     acc, tension = forward_dynamics(marionette, result.x)
-    if np.max(np.abs(acc), initial=0.0) > SEARCH.max_rest_distance:
+    if np.max(np.abs(acc), initial=0.0) > RELAXATION.max_rest_distance:
         names = marionette.tree.row_names
         slips = [f"{names[i]} ({upper[i]:g} N)" for i in np.flatnonzero(tension >= upper)]
         raise StateError(
@@ -72,54 +72,54 @@ def relaxed(marionette: CompiledPuppet, x: State) -> Equilibrium:
         StateError: it keeps moving, or a run cannot begin or continue.
     """
     q_D = x.q_D
-    for _ in range(SEARCH.max_restarts):
-        lower = None
-        for q_D in _slowing(marionette, x):
+    for _ in range(RELAXATION.max_restarts):
+        lower_state = None
+        for q_D in _stopped_configurations(marionette, x):
             result = newton(marionette, x.replace(q_D=q_D))
             if result is None:
                 continue
-            at = Evaluation.of(marionette, result.x)
-            bends = curvature(at, derivatives(marionette, result)[0])
-            push = instability(at, result.rows, bends, SEARCH.min_growth_rate)
-            there = np.max(np.abs(result.x.q_D - q_D)) < SEARCH.max_rest_distance
-            if push is not None and there:
-                lower = pushed(marionette, result.x, push)
-            if push is None or (there and lower is None):
-                x = in_step(marionette, result.x)
+            evaluation = Evaluation.at_state(marionette, result.x)
+            curvature_modes = curvature(evaluation, derivatives(marionette, result)[0])
+            push = instability(evaluation, result.rows, curvature_modes, RELAXATION.min_growth_rate)
+            is_close = np.max(np.abs(result.x.q_D - q_D)) < RELAXATION.max_rest_distance
+            if push is not None and is_close:
+                lower_state = pushed(marionette, result.x, push)
+            if push is None or (is_close and lower_state is None):
+                x = with_motors_in_step(marionette, result.x)
                 return result if x is result.x else newton(marionette, x) or result
-            if lower is not None:
+            if lower_state is not None:
                 break
-        if lower is None:
+        if lower_state is None:
             break
-        x = lower
-    why = _giving_way(marionette, x, q_D)
-    raise StateError(f"let go and stopped, the puppet keeps moving{why}")
+        x = lower_state
+    reason = _drives_giving_way(marionette, x, q_D)
+    raise StateError(f"let go and stopped, the puppet keeps moving{reason}")
 
 
-def hauled_in(marionette: CompiledPuppet, x: State) -> State:
+def pulled_towards_rows(marionette: CompiledPuppet, x: State) -> State:
     """A state that violates rows, moved towards them by a time-stepping run."""
-    _, samples = let_go(marionette, x, SEARCH.run_time, dt=SEARCH.dt, without_contact=True)
+    _, samples = let_go(marionette, x, RELAXATION.run_time, dt=RELAXATION.dt, without_contact=True)
     return x.replace(q_D=samples["q_D"][-1]) if len(samples["q_D"]) else x
 
 
-def _slowing(marionette: CompiledPuppet, x: State) -> Iterator[Array]:
+def _stopped_configurations(marionette: CompiledPuppet, x: State) -> Iterator[Array]:
     """Configurations closer and closer to an equilibrium, after longer and longer intervals."""
     q_D, v_D = x.q_D, np.zeros(marionette.coordinates.n_vD)
     start, yield_at = np.array(q_D), 4
-    for piece in range(SEARCH.max_runs):
-        at_once = x.replace(q_D=q_D, v_D=v_D)
+    for piece in range(RELAXATION.max_runs):
+        next_start = x.replace(q_D=q_D, v_D=v_D)
         status, samples = let_go(
-            marionette, at_once, SEARCH.run_time, dt=SEARCH.dt, without_contact=True
+            marionette, next_start, RELAXATION.run_time, dt=RELAXATION.dt, without_contact=True
         )
         # Stepper motors may lose steps during the run: they are set back in step afterwards.
         if status not in (Status.DONE, Status.LOST_STEPS):
-            raise StateError(f"let go, {status.message}{_giving_way(marionette, x, q_D)}")
+            raise StateError(f"let go, {status.message}{_drives_giving_way(marionette, x, q_D)}")
         kinetic = samples["kinetic"]
         peaks = np.flatnonzero((kinetic[1:-1] >= kinetic[:-2]) & (kinetic[1:-1] > kinetic[2:]))
-        at = int(peaks[0]) + 1 if len(peaks) else len(kinetic) - 1
-        q_D = samples["q_D"][at]
-        v_D = np.zeros_like(v_D) if len(peaks) else samples["v_D"][at]
-        if np.max(np.abs(q_D - start), initial=0.0) > SEARCH.max_distance:
+        peak = int(peaks[0]) + 1 if len(peaks) else len(kinetic) - 1
+        q_D = samples["q_D"][peak]
+        v_D = np.zeros_like(v_D) if len(peaks) else samples["v_D"][peak]
+        if np.max(np.abs(q_D - start), initial=0.0) > RELAXATION.max_distance:
             return
         if piece == yield_at:
             yield_at = 2 * yield_at + 1
@@ -127,15 +127,15 @@ def _slowing(marionette: CompiledPuppet, x: State) -> Iterator[Array]:
     yield q_D
 
 
-def _giving_way(marionette: CompiledPuppet, start: State, q_D: Array) -> str:
+def _drives_giving_way(marionette: CompiledPuppet, start: State, q_D: Array) -> str:
     """Drives that a puppet without an equilibrium pushes away, in words."""
     texts = []
     for row in marionette.tree.drives:
-        if row.turns:
-            moved = float(np.linalg.norm(rotation.between(start.q_D[row.q], q_D[row.q])))
+        if row.is_rotation:
+            distance = float(np.linalg.norm(rotation.between(start.q_D[row.q], q_D[row.q])))
         else:
-            moved = float(np.abs(q_D[row.q] - start.q_D[row.q])[0])
-        if moved < SEARCH.max_drive_move:
+            distance = float(np.abs(q_D[row.q] - start.q_D[row.q])[0])
+        if distance < RELAXATION.max_drive_move:
             continue
         if not row.drive.follows:
             texts.append(f"the drive of {row.name} has no control, so that nothing holds it")
@@ -150,12 +150,16 @@ def poles(marionette: CompiledPuppet) -> list[tuple[DriveRow, float]]:
     for row in marionette.tree.drives:
         motor, drive = row.drive.motor, row.drive
         if isinstance(motor, StepperMotor):
-            turn = 1.0 if drive.drum is None and drive.mass is not None else 2.0 * np.pi
-            result.append((row, 4.0 / motor.steps * turn / row.ratio(marionette.number)))
+            distance_per_turn = (
+                1.0 if drive.drum is None and drive.mass is not None else 2.0 * np.pi
+            )
+            result.append(
+                (row, 4.0 / motor.steps * distance_per_turn / row.ratio(marionette.number))
+            )
     return result
 
 
-def in_step(marionette: CompiledPuppet, x: State) -> State:
+def with_motors_in_step(marionette: CompiledPuppet, x: State) -> State:
     """The state with stepper motors moved by whole poles until they are in step."""
     q_D = x.q_D.copy()
     for row, pole in poles(marionette):

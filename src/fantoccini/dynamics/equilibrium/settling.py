@@ -47,8 +47,8 @@ def settled(marionette: CompiledPuppet, x: State) -> State:
     """
     q_D, v_D = np.array(x.q_D), np.zeros_like(x.v_D)
     for piece in range(SETTLING.max_runs):
-        spread = 2.0 * (piece * _GOLDEN_RATIO % 1.0) - 1.0
-        duration = SETTLING.mean_run_time * (1.0 + SETTLING.run_time_variation * spread)
+        variation = 2.0 * (piece * _GOLDEN_RATIO % 1.0) - 1.0
+        duration = SETTLING.mean_run_time * (1.0 + SETTLING.run_time_variation * variation)
         status, samples = let_go(
             marionette, x.replace(q_D=q_D, v_D=v_D), duration, dt=SETTLING.dt, without_contact=False
         )
@@ -66,9 +66,9 @@ def settled(marionette: CompiledPuppet, x: State) -> State:
         if piece < SETTLING.n_free_runs:
             v_D = np.zeros_like(v_D)
     names = marionette.coordinates.v_D
-    fastest = names[int(np.argmax(np.abs(v_D)))]
+    fastest_velocity = names[int(np.argmax(np.abs(v_D)))]
     raise StateError(
         f"let go, the puppet still moves after {SETTLING.max_runs * SETTLING.mean_run_time:g} s: "
-        f"{fastest} "
+        f"{fastest_velocity} "
         f"at {np.max(np.abs(v_D)):.3g}/s"
     )

@@ -11,7 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from fantoccini.dynamics.compiled import CompiledPuppet, meeting_links
+from fantoccini.dynamics.compiled import CompiledPuppet, touching_links
 from fantoccini.model.tree import WORLD, Link, Role, Tree, link_inertia, measure
 
 MIN_COSINE = 1e-9
@@ -20,7 +20,7 @@ _MAX_LISTED = 6
 """Maximum number of bodies named in a message."""
 
 
-def falling(marionette: CompiledPuppet) -> tuple[tuple[int, ...], ...]:
+def unsupported_groups(marionette: CompiledPuppet) -> tuple[tuple[int, ...], ...]:
     """Groups of links that nothing holds: in each, the roots, the highest first, then the others.
 
     A group that may touch the floor, an obstacle or what these carry is not listed.
@@ -29,42 +29,44 @@ def falling(marionette: CompiledPuppet) -> tuple[tuple[int, ...], ...]:
     gravity = np.array([number(x) for x in tree.gravity])
     if not np.any(gravity):
         return ()
-    size = measure(tree, number)
-    group = {i: i for i in range(WORLD, len(tree.links))}
+    measured = measure(tree, number)
+    parent = {i: i for i in range(WORLD, len(tree.links))}
 
-    def of(i: int) -> int:
-        while group[i] != i:
-            i = group[i]
+    def group_of(i: int) -> int:
+        while parent[i] != i:
+            i = parent[i]
         return i
 
-    for i, j in _ties(marionette, size.poses, gravity / np.linalg.norm(gravity)):
-        group[of(i)] = of(j)
+    for i, j in _supporting_pairs(marionette, measured.poses, gravity / np.linalg.norm(gravity)):
+        parent[group_of(i)] = group_of(j)
     members: dict[int, list[int]] = {}
     for i in range(len(tree.links)):
-        members.setdefault(of(i), []).append(i)
-    members.pop(of(WORLD), None)
-    up = -size.poses[:, :, 3] @ gravity
+        members.setdefault(group_of(i), []).append(i)
+    members.pop(group_of(WORLD), None)
+    heights = -measured.poses[:, :, 3] @ gravity
     groups = []
-    for own in members.values():
-        if not any(link_inertia(tree.links[i], number)[0] > 0.0 for i in own):
+    for links in members.values():
+        if not any(link_inertia(tree.links[i], number)[0] > 0.0 for i in links):
             continue
-        root = {i: tree.links[i].parent not in own for i in own}
+        is_root = {i: tree.links[i].parent not in links for i in links}
         groups.append(
-            tuple(sorted(own, key=lambda i: (not root[i], -up[i] if root[i] else 0.0, i)))
+            tuple(
+                sorted(links, key=lambda i: (not is_root[i], -heights[i] if is_root[i] else 0.0, i))
+            )
         )
     return tuple(groups)
 
 
-def falls(marionette: CompiledPuppet, group: tuple[int, ...]) -> str:
-    """Message that a group of :func:`falling` has no support."""
+def no_support_message(marionette: CompiledPuppet, group: tuple[int, ...]) -> str:
+    """Message that a group of :func:`unsupported_groups` has no support."""
     chains = {p.link: chain.name for chain in marionette.tree.chains for p in chain.points[1:-1]}
     bodies = [marionette.tree.links[i].name for i in group if i not in chains]
     names = bodies or list(dict.fromkeys(chains[i] for i in group))
-    shown = ", ".join(names[:_MAX_LISTED])
+    listed = ", ".join(names[:_MAX_LISTED])
     if len(names) > _MAX_LISTED:
-        shown += f" and {len(names) - _MAX_LISTED} more"
+        listed += f" and {len(names) - _MAX_LISTED} more"
     return (
-        f"nothing holds {shown}: no string, spring, drive or joint ties {_them(names)} to the "
+        f"nothing holds {listed}: no string, spring, drive or joint ties {_them(names)} to the "
         "world, and by the key contact no floor or obstacle carries "
         f"{_them(names)}, so that {_they(names)} for ever; make {names[0]} driven or fixed, or tie "
         "it to the world"
@@ -79,14 +81,14 @@ def _they(names: list[str]) -> str:
     return "it falls" if len(names) == 1 else "they fall"
 
 
-def _ties(
+def _supporting_pairs(
     marionette: CompiledPuppet, poses: np.ndarray, down: np.ndarray
 ) -> Iterator[tuple[int, int]]:
     """Pairs of links, or a link and the world, one of which holds or may carry the other."""
     tree = marionette.tree
-    yield from meeting_links(marionette.puppet.expanded(), tree)
+    yield from touching_links(marionette.puppet.expanded(), tree)
     for i, link in enumerate(tree.links):
-        if not _slides(marionette, i, poses, down):
+        if not _can_slide(marionette, i, poses, down):
             yield i, link.parent
     for row in (*tree.strings, *tree.chains):
         yield from pairwise(point.link for point in row.points)
@@ -95,7 +97,7 @@ def _ties(
             yield spring.points[0].link, spring.points[1].link
 
 
-def _slides(marionette: CompiledPuppet, i: int, poses: np.ndarray, down: np.ndarray) -> bool:
+def _can_slide(marionette: CompiledPuppet, i: int, poses: np.ndarray, down: np.ndarray) -> bool:
     """Whether a link falls along its joint; False if the axis may turn, where it is unknown."""
     tree = marionette.tree
     link = tree.links[i]
@@ -103,18 +105,22 @@ def _slides(marionette: CompiledPuppet, i: int, poses: np.ndarray, down: np.ndar
         return False
     if link.kind == "free" or (link.kind == "translation" and link.axes.shape[1] == 3):
         return True
-    if link.kind not in ("translation", "prismatic") or _turns(tree, link):
+    if link.kind not in ("translation", "prismatic") or _may_turn(tree, link):
         return False
     carrier = np.eye(3) if link.parent == WORLD else poses[link.parent][:, :3]
-    along = down @ carrier @ link.rotation @ link.axes
+    axis_along_gravity = down @ carrier @ link.rotation @ link.axes
     if link.kind == "translation":
-        return bool(np.max(np.abs(along)) > MIN_COSINE)
-    side = "upper" if along[0] > 0.0 else "lower"
-    stops = any(limit.link == i and limit.side == side for limit in tree.limits)
-    return abs(along[0]) > MIN_COSINE and not stops and not marionette.number(link.stiffness) > 0.0
+        return bool(np.max(np.abs(axis_along_gravity)) > MIN_COSINE)
+    side = "upper" if axis_along_gravity[0] > 0.0 else "lower"
+    has_limit = any(limit.link == i and limit.side == side for limit in tree.limits)
+    return (
+        abs(axis_along_gravity[0]) > MIN_COSINE
+        and not has_limit
+        and not marionette.number(link.stiffness) > 0.0
+    )
 
 
-def _turns(tree: Tree, link: Link) -> bool:
+def _may_turn(tree: Tree, link: Link) -> bool:
     """Whether an ancestor of a link may turn."""
     while link.parent != WORLD:
         link = tree.links[link.parent]

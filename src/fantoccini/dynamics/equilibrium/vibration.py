@@ -108,36 +108,40 @@ class Modes(ShortRepr):
         return tuple(mode for mode in self.modes if mode.swings)
 
     def __str__(self) -> str:
-        moves = ["moves (share of energy)", *(_listed(m.share, "{:.0%}") for m in self.swinging)]
-        by = ["excited by (gain per period)"]
-        by += [_listed(m.gain, "{:.2g}") if m.excitable else "nothing" for m in self.swinging]
+        moving = ["moves (share of energy)", *(_listed(m.share, "{:.0%}") for m in self.swinging)]
+        excitations = ["excited by (gain per period)"]
+        excitations += [
+            _listed(m.gain, "{:.2g}") if m.excitable else "nothing" for m in self.swinging
+        ]
         numbers = [f"{'Hz':>7}  {'damping':>7}"]
         numbers += [f"{m.frequency:7.3f}  {m.damping:7.4f}" for m in self.swinging]
-        width = max(map(len, moves))
-        columns = zip(numbers, moves, by, strict=True)
+        width = max(map(len, moving))
+        columns = zip(numbers, moving, excitations, strict=True)
         lines = [f"{number}  {move:<{width}}  {gain}" for number, move, gain in columns]
         aperiodic = [mode for mode in self.modes if not mode.swings]
         neutral = sum(mode.s == 0 for mode in aperiodic)
         growing = sum(mode.s.real > 0 for mode in aperiodic)
         decaying = len(aperiodic) - neutral - growing
         counts = ((decaying, "decaying"), (neutral, "neutral"), (growing, "growing"))
-        texts = [f"{n} {what}" for n, what in counts if n]
+        texts = [f"{count} {kind}" for count, kind in counts if count]
         return "\n".join(lines + (["aperiodic: " + ", ".join(texts)] if texts else []))
 
 
-def _listed(values: dict[str, float], shown: str) -> str:
+def _listed(values: dict[str, float], number_format: str) -> str:
     """The three largest entries, without those that are negligible."""
-    first = sorted(values.items(), key=lambda item: -item[1])[:3]
-    smallest = TOLERANCES.listed * first[0][1] if first else 0.0
-    return ", ".join(f"{n} {shown.format(x)}" for n, x in first if x > smallest)
+    largest_three = sorted(values.items(), key=lambda item: -item[1])[:3]
+    smallest = TOLERANCES.listed * largest_three[0][1] if largest_three else 0.0
+    return ", ".join(f"{n} {number_format.format(x)}" for n, x in largest_three if x > smallest)
 
 
 def modes(marionette: CompiledPuppet, x: State) -> Modes:
     """The modes of a puppet at rest; see :meth:`Marionette.modes`."""
     motion = motion_at(marionette, x)
     speeds = np.concatenate([x.v_D, x.v_K])
-    moves = speeds if _balanced(marionette, x, motion.acc_D) else np.append(motion.acc_D, speeds)
-    largest = np.max(np.abs(moves), initial=0.0)
+    rest_rates = (
+        speeds if _balanced(marionette, x, motion.acc_D) else np.append(motion.acc_D, speeds)
+    )
+    largest = np.max(np.abs(rest_rates), initial=0.0)
     if not largest <= TOLERANCES.max_rest_motion:
         raise StateError(
             f"the puppet does not rest there: a velocity or acceleration is {largest:.3g}; modes "
@@ -145,24 +149,24 @@ def modes(marionette: CompiledPuppet, x: State) -> Modes:
         )
     if motion.contacts.edges:
         raise StateError(f"small motions there are not linear: {'; '.join(motion.contacts.edges)}")
-    small = SmallMotions.of(marionette, x, motion)
-    N, K, D = small.N, small.K, small.D
+    small_motions = SmallMotions.about_rest(marionette, x, motion)
+    N, K, D = small_motions.N, small_motions.K, small_motions.D
     symmetric = all(
         np.linalg.norm(m - m.T) <= TOLERANCES.asymmetry * np.linalg.norm(m) for m in (K, D)
     )
     if symmetric:
         K, D = 0.5 * (K + K.T), 0.5 * (D + D.T)
-    reduced = _Reduced(K, D, small.forcing, symmetric)
+    reduced = _Reduced(K, D, small_motions.forcing, symmetric)
     groups = reduced.groups()
     all_gains = [reduced.gains(s, phi, N) for s, phi in groups]
-    of_swings = (gains for (s, _), gains in zip(groups, all_gains, strict=True) if s)
-    largest_gain = max((np.max(gains, initial=0.0) for gains in of_swings), default=0.0)
+    oscillation_gains = (gains for (s, _), gains in zip(groups, all_gains, strict=True) if s)
+    largest_gain = max((np.max(gains, initial=0.0) for gains in oscillation_gains), default=0.0)
     modes_at_rest = [
-        _mode(marionette, s, shape, small.M, gain, largest_gain)
+        _mode(marionette, s, shape, small_motions.M, gain, largest_gain)
         for (s, phi), gains in zip(groups, all_gains, strict=True)
         for shape, gain in zip((N @ phi).T, gains, strict=True)
     ]
-    names = tuple(marionette.tree.row_names[i] for i in small.held)
+    names = tuple(marionette.tree.row_names[i] for i in small_motions.held)
     return Modes(x, names, motion.contacts.points, tuple(modes_at_rest))
 
 
@@ -218,49 +222,49 @@ class _Reduced:
         flow = np.block([[np.zeros((m, m)), np.eye(m)], [-self.K, -self.D]])
         values, vectors = np.linalg.eig(flow)
         values = np.asarray(values, dtype=complex)
-        top = np.max(np.abs(values), initial=0.0)
-        values[np.abs(values) < TOLERANCES.zero * top] = 0.0
-        undamped = np.abs(values.real) < TOLERANCES.undamped * np.abs(values)
-        values[undamped] = 1j * values.imag[undamped]
-        one_of_two = np.flatnonzero(values.imag >= 0.0)
+        largest = np.max(np.abs(values), initial=0.0)
+        values[np.abs(values) < TOLERANCES.zero * largest] = 0.0
+        is_undamped = np.abs(values.real) < TOLERANCES.undamped * np.abs(values)
+        values[is_undamped] = 1j * values.imag[is_undamped]
+        half_of_pairs = np.flatnonzero(values.imag >= 0.0)
         order = sorted(
-            one_of_two, key=lambda i: (values[i].imag == 0.0, abs(values[i]), values[i].real)
+            half_of_pairs, key=lambda i: (values[i].imag == 0.0, abs(values[i]), values[i].real)
         )
         grouped: list[tuple[complex, Array]] = []
         for i in order:
             s, phi = complex(values[i]), vectors[:m, i, None]
             if grouped and abs(s - grouped[-1][0]) <= TOLERANCES.equal * abs(s):
-                s, before = grouped.pop()
-                phi = np.concatenate([before, phi], axis=1)
+                s, previous_phi = grouped.pop()
+                phi = np.concatenate([previous_phi, phi], axis=1)
             grouped.append((s, phi))
-        return [(s, self._ordered(s, phi)) for s, phi in grouped]
+        return [(s, self._ordered_basis(s, phi)) for s, phi in grouped]
 
-    def _ordered(self, s: complex, phi: Array) -> Array:
+    def _ordered_basis(self, s: complex, phi: Array) -> Array:
         """Basis of the modes of one s, real if possible, the most excited first."""
         if phi.shape[1] == 1:
             return phi
         u, size, _ = np.linalg.svd(np.concatenate([phi.real, phi.imag], axis=1))
-        real = u[:, : np.sum(size > TOLERANCES.real_basis * size[0])]
-        is_real = s == 0.0 or real.shape[1] == phi.shape[1]
-        phi = real if is_real else np.linalg.qr(phi)[0]
-        b = self._input(s, phi)
-        _, turn = np.linalg.eigh(np.real(b @ b.conj().T))
-        return phi @ turn[:, ::-1]
+        real_basis = u[:, : np.sum(size > TOLERANCES.real_basis * size[0])]
+        is_real = s == 0.0 or real_basis.shape[1] == phi.shape[1]
+        phi = real_basis if is_real else np.linalg.qr(phi)[0]
+        b = self._input_matrix(s, phi)
+        _, rotation_ = np.linalg.eigh(np.real(b @ b.conj().T))
+        return phi @ rotation_[:, ::-1]
 
-    def _input(self, s: complex, phi: Array) -> Array:
+    def _input_matrix(self, s: complex, phi: Array) -> Array:
         """Matrix b (k, n_vK) in zdot = s z + b dq_K for eta = phi z; for s = 0 the force on z.
 
         psi^T (2 s + D) phi b = psi^T (F_q + s F_v + s^2 F_a)
         """
         F_q, F_v, F_a = self.forcing
-        psi = self._left(s, phi)
+        psi = self._left_vectors(s, phi)
         force = psi.T @ (F_q + s * F_v + s * s * F_a)
         if s == 0.0:
             return force if self.symmetric else np.linalg.pinv(psi.T @ phi) @ force
         inertia = psi.T @ (2.0 * s * phi + self.D @ phi)
         return np.linalg.pinv(inertia) @ force
 
-    def _left(self, s: complex, phi: Array) -> Array:
+    def _left_vectors(self, s: complex, phi: Array) -> Array:
         """Matrix psi (m, k) of one s; phi if K and D are symmetric."""
         if self.symmetric:
             return phi
@@ -270,5 +274,5 @@ class _Reduced:
     def gains(self, s: complex, phi: Array, N: Array) -> Array:
         """Growth (k, n_vK) of each mode's largest coordinate; see :class:`Mode`."""
         size = np.max(np.abs(N @ phi), axis=0, initial=0.0)
-        swing = 2.0 * np.pi / s.imag if s.imag > 0.0 else 1.0
-        return np.abs(self._input(s, phi)) * size[:, None] * swing
+        period = 2.0 * np.pi / s.imag if s.imag > 0.0 else 1.0
+        return np.abs(self._input_matrix(s, phi)) * size[:, None] * period

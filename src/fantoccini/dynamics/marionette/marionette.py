@@ -57,7 +57,7 @@ class Marionette(CompiledPuppet):
     immutable: the ``with_`` methods return another one, without compiling again.
 
     Args:
-        what: a puppet or a scene.
+        puppet_or_scene: a puppet or a scene.
         progress: callback for each stage that begins (``what``: "deriving", "compiling").
     """
 
@@ -355,12 +355,12 @@ class Marionette(CompiledPuppet):
             p: (n, n_p) or (n_p,) parameters; by default the marionette's own.
             dt: length of the steps [s].
             options: fields of :class:`fantoccini.dynamics.derivatives.StepOptions`, such as
-                ``pull=True``.
+                ``tension_partials=True``.
 
         Raises:
             StateError: an array has another shape.
         """
-        steps = StepInputs.of(self, (q_D, v_D, q_K, v_K), acc_K, u_D, p, dt)
+        steps = StepInputs.from_arrays(self, (q_D, v_D, q_K, v_K), acc_K, u_D, p, dt)
         return linearise_steps(self, steps, StepOptions(**options))
 
     def rollout(
@@ -413,7 +413,7 @@ class Marionette(CompiledPuppet):
             x0: start state.
             method: ``timestepping``, ``variational`` or ``event``, or one with its options.
         """
-        return Stepper.of(self, x0, method)
+        return Stepper.from_state(self, x0, method)
 
     def stepper_batch(
         self,

@@ -45,21 +45,28 @@ def joints_of(link: Link) -> list[Joint]:
     q, v, name = link.q.start, link.v.start, link.joint
     if link.kind == "fixed":
         return []
-    if link.kind == "free" and _plain(link):
+    if link.kind == "free" and _is_free_in_world(link):
         return [Joint(name, "free", link.role, link.q, link.v)]
     if link.kind == "revolute":
         return [Joint(name, "hinge", link.role, link.q, link.v, link.axes[:, 0])]
     joints = []
     axes = np.eye(3) if link.kind == "free" else link.axes
     for k, axis in enumerate(axes.T):
-        own = name if link.kind == "prismatic" else f"{name}.{'xyz'[int(np.argmax(axis))]}"
+        joint_name = name if link.kind == "prismatic" else f"{name}.{'xyz'[int(np.argmax(axis))]}"
         joints.append(
-            Joint(own, "slide", link.role, slice(q + k, q + k + 1), slice(v + k, v + k + 1), axis)
+            Joint(
+                joint_name,
+                "slide",
+                link.role,
+                slice(q + k, q + k + 1),
+                slice(v + k, v + k + 1),
+                axis,
+            )
         )
     if link.kind in ("ball", "free"):
         n = len(joints)
-        places = slice(q + n, q + n + 4), slice(v + n, v + n + 3)
-        joints.append(Joint(name, "ball", link.role, *places))
+        slices = slice(q + n, q + n + 4), slice(v + n, v + n + 3)
+        joints.append(Joint(name, "ball", link.role, *slices))
     return joints
 
 
@@ -67,8 +74,8 @@ def winch_of(string: StringRow) -> Joint:
     """Slide joint of a driven length: its coordinate is the length."""
     assert string.driven_length is not None
     q, v = string.driven_length
-    places = slice(q, q + 1), slice(v, v + 1)
-    return Joint(f"{string.name}.length", "slide", Role.DRIVEN, *places, np.array([-1.0, 0.0, 0.0]))
+    slices = slice(q, q + 1), slice(v, v + 1)
+    return Joint(f"{string.name}.length", "slide", Role.DRIVEN, *slices, np.array([-1.0, 0.0, 0.0]))
 
 
 def all_joints(tree: Tree) -> list[Joint]:
@@ -97,8 +104,8 @@ def pose_in_parent(link: Link, q: Array, number: Callable[[Number], float]) -> t
     return R, r + R @ axes @ q
 
 
-def _plain(link: Link) -> bool:
+def _is_free_in_world(link: Link) -> bool:
     """Whether a free joint has its pose in the world as coordinates, no damping and no armature."""
-    moved = any(link.offset) or not np.array_equal(link.rotation, np.eye(3))
-    free = not link.damping and not link.armature
-    return link.parent == WORLD and link.role is Role.DYNAMIC and not moved and free
+    is_moved = any(link.offset) or not np.array_equal(link.rotation, np.eye(3))
+    is_free = not link.damping and not link.armature
+    return link.parent == WORLD and link.role is Role.DYNAMIC and not is_moved and is_free

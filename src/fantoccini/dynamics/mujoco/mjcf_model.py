@@ -86,9 +86,9 @@ class _Document:
     """The XML elements of a puppet.
 
     Attributes:
-        fixed: poses in the world of the links that cannot move, and of ``WORLD``, by index.
+        fixed_poses: poses in the world of the links that cannot move, and of ``WORLD``, by index.
         bodies: elements of all other links, and of ``WORLD``, by index, parents first.
-        tendons, wires, drags: sections of the document.
+        tendons, wires, actuators: sections of the document.
     """
 
     def __init__(self, marionette: Marionette, fixed_q_K: ConfigK | None):
@@ -97,39 +97,39 @@ class _Document:
         mistakes = [_mistake(marionette, name, text) for name, text in self._unsupported()]
         if mistakes:
             raise ExchangeError(mistakes)
-        self.fixed = {WORLD: (np.eye(3), np.zeros(3))}
+        self.fixed_poses = {WORLD: (np.eye(3), np.zeros(3))}
         self.bodies = {WORLD: Element("worldbody")}
-        self.tendons, self.wires, self.drags = map(Element, ("tendon", "equality", "actuator"))
+        self.tendons, self.wires, self.actuators = map(Element, ("tendon", "equality", "actuator"))
         for i, link in enumerate(self.tree.links):
             R, r = self._pose(link)
-            if link.parent in self.fixed and not self._has_joints(link):
-                self.fixed[i] = R, r
+            if link.parent in self.fixed_poses and not self._has_joints(link):
+                self.fixed_poses[i] = R, r
             else:
-                self.bodies[i] = self._body(i, link, R, r)
+                self.bodies[i] = self._body_element(i, link, R, r)
 
     def text(self) -> str:
         """The whole document."""
         for string in self.tree.strings:
-            self._string(string)
+            self._add_string(string)
         for s in self.tree.springs:
             spring = {"springlength": s.rest, "stiffness": s.stiffness, "damping": s.damping}
-            self._tendon(f"{s.name}.spring", s.points, **spring)
+            self._add_tendon(f"{s.name}.spring", s.points, **spring)
         for chain in self.tree.chains:
-            self._chain(chain)
+            self._add_chain(chain)
         for limit in self.tree.limits:
             if limit.b is not None:
-                self._ball_limit(limit, limit.b)
+                self._add_ball_limit(limit, limit.b)
         for i, body in reversed(self.bodies.items()):
             if i != WORLD:
                 link = self.tree.links[i]
-                self._ball_spring(i, link)
-                self._drag(i, link)
-                self.bodies[WORLD if link.parent in self.fixed else link.parent].append(body)
+                self._add_ball_spring(i, link)
+                self._add_drag(i, link)
+                self.bodies[WORLD if link.parent in self.fixed_poses else link.parent].append(body)
         root = Element("mujoco", model="puppet")
         self._add(root, "compiler", angle="radian")
         option = self._add(root, "option", gravity=self.tree.gravity)
         self._add(option, "flag", contact="disable")
-        sections = self.bodies[WORLD], self.tendons, self.wires, self.drags
+        sections = self.bodies[WORLD], self.tendons, self.wires, self.actuators
         root.extend(section for section in sections if len(section))
         indent(root)
         return tostring(root, encoding="unicode")
@@ -161,21 +161,21 @@ class _Document:
         if self.fixed_q_K is not None and link.role is Role.DRIVEN:
             q = self.fixed_q_K[link.q]
         R, r = pose_in_parent(link, q, self.number)
-        if link.parent not in self.fixed:
+        if link.parent not in self.fixed_poses:
             return R, r
-        R_parent, r_parent = self.fixed[link.parent]
+        R_parent, r_parent = self.fixed_poses[link.parent]
         return R_parent @ R, r_parent + R_parent @ r
 
-    def _body(self, i: int, link: Link, R: Array, r: Array) -> Element:
+    def _body_element(self, i: int, link: Link, R: Array, r: Array) -> Element:
         """A link's body with its joints and inertia."""
         body = self._element("body", name=link.name, pos=r, quat=rotation.quaternion(R))
         if self._has_joints(link):
             for joint in joints_of(link):
-                self._link_joint(body, i, link, joint)
-        self._inertial(body, link)
+                self._add_link_joint(body, i, link, joint)
+        self._add_inertial(body, link)
         return body
 
-    def _link_joint(self, body: Element, i: int, link: Link, joint: Joint) -> None:
+    def _add_link_joint(self, body: Element, i: int, link: Link, joint: Joint) -> None:
         """A joint with its damping, spring and range."""
         if joint.kind == "free":
             self._add(body, "freejoint", name=joint.name)
@@ -188,11 +188,11 @@ class _Document:
         bounds = {limit.side: limit.bound for limit in self.tree.limits if limit.link == i}
         if "lower" in bounds or "upper" in bounds:
             offset = SUBSTITUTES.joint_range
-            ends = bounds.get("lower", -offset), bounds.get("upper", offset)
-            attributes |= {"limited": "true", "range": ends}
-        self._joint(body, joint, **attributes)
+            joint_range = bounds.get("lower", -offset), bounds.get("upper", offset)
+            attributes |= {"limited": "true", "range": joint_range}
+        self._add_joint(body, joint, **attributes)
 
-    def _joint(self, body: Element, joint: Joint, **attributes: _Value) -> None:
+    def _add_joint(self, body: Element, joint: Joint, **attributes: _Value) -> None:
         if joint.axis is not None:
             attributes["axis"] = joint.axis
         if joint.role is Role.DRIVEN:
@@ -200,8 +200,8 @@ class _Document:
             attributes["armature"] = SUBSTITUTES.driven_inertia * mass
         self._add(body, "joint", name=joint.name, type=joint.kind, **attributes)
 
-    def _inertial(self, body: Element, link: Link) -> None:
-        m, com, about_com = self._mass(link)
+    def _add_inertial(self, body: Element, link: Link) -> None:
+        m, com, about_com = self._mass_and_inertia(link)
         moments, axes = np.linalg.eigh(about_com)
         if np.linalg.det(axes) < 0.0:
             axes[:, 2] *= -1.0
@@ -213,81 +213,93 @@ class _Document:
             quat = rotation.quaternion(axes)
             self._add(body, "inertial", mass=m, pos=com, quat=quat, diaginertia=moments)
 
-    def _mass(self, link: Link) -> tuple[float, Array, Array]:
+    def _mass_and_inertia(self, link: Link) -> tuple[float, Array, Array]:
         """Mass, centre of mass and inertia about it: the link's own values, or its shapes'."""
         masses = [self.number(share.amount) * share.volume for share in link.mass_shares]
-        units = [share.unit for share in link.mass_shares]
+        unit_bodies = [share.unit for share in link.mass_shares]
         m = sum(masses)
-        c = sum((a * np.array(u.com) for a, u in zip(masses, units, strict=True)), np.zeros(3))
-        c = c / m if m else c
+        com = sum(
+            (
+                share_mass * np.array(unit_body.com)
+                for share_mass, unit_body in zip(masses, unit_bodies, strict=True)
+            ),
+            np.zeros(3),
+        )
+        com = com / m if m else com
         about_com = np.zeros((3, 3))
-        for a, u in zip(masses, units, strict=True):
-            d = np.array(u.com) - c
-            about_com += a * (np.array(u.inertia) + d @ d * np.eye(3) - np.outer(d, d))
+        for share_mass, unit_body in zip(masses, unit_bodies, strict=True):
+            offset = np.array(unit_body.com) - com
+            about_com += share_mass * (
+                np.array(unit_body.inertia) + offset @ offset * np.eye(3) - np.outer(offset, offset)
+            )
         if link.mass is not None:
             about_com *= self.number(link.mass) / m if m else 0.0
             m = self.number(link.mass)
         if link.com is not None:
-            c = np.array([self.number(x) for x in link.com])
+            com = np.array([self.number(x) for x in link.com])
         if link.inertia is not None:
             xx, yy, zz, xy, xz, yz = map(self.number, link.inertia)
             about_com = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-        return m, c, about_com
+        return m, com, about_com
 
     # -- strings, springs, limits, drag ------------------------------------------------------
 
-    def _site(self, name: str, point: Point) -> None:
+    def _add_site(self, name: str, point: Point) -> None:
         """Adds a site to the body that carries a point."""
-        at, link = np.array([self.number(x) for x in point.at]), point.link
-        if link in self.fixed:
-            R, r = self.fixed[link]
-            link, at = WORLD, r + R @ at
-        self._add(self.bodies[link], "site", name=name, pos=at)
+        position, link = np.array([self.number(x) for x in point.at]), point.link
+        if link in self.fixed_poses:
+            R, r = self.fixed_poses[link]
+            link, position = WORLD, r + R @ position
+        self._add(self.bodies[link], "site", name=name, pos=position)
 
-    def _tendon(self, name: str, points: Iterable[Point], **attributes: _Value) -> Element:
+    def _add_tendon(self, name: str, points: Iterable[Point], **attributes: _Value) -> Element:
         """A tendon through points of links."""
         tendon = self._add(self.tendons, "spatial", name=name, **attributes)
         for k, point in enumerate(points):
-            self._site(f"{name}.{k}", point)
+            self._add_site(f"{name}.{k}", point)
             self._add(tendon, "site", site=f"{name}.{k}")
         return tendon
 
-    def _chain(self, chain: ChainRow) -> None:
+    def _add_chain(self, chain: ChainRow) -> None:
         """A spring for each piece of a chain."""
-        piece = self._length(chain) / chain.pieces
+        piece = self._length_of(chain) / chain.pieces
         stiffness = self.number(chain.stiffness) / piece
         damping = self.number(chain.damping) / piece
         for k, ends in enumerate(pairwise(chain.points)):
             name = f"{chain.name}.spring.{k}"
-            self._tendon(name, ends, springlength=piece, stiffness=stiffness, damping=damping)
+            self._add_tendon(name, ends, springlength=piece, stiffness=stiffness, damping=damping)
 
-    def _string(self, string: StringRow) -> None:
+    def _add_string(self, string: StringRow) -> None:
         has_winch = string.driven_length is not None and self.fixed_q_K is None
         if has_winch:
-            self._winch(string)
+            self._add_winch(string)
         if string.wire:
             # MuJoCo measures a wire's length relative to that in its zero pose; MuJoCoPuppet sets
             # the length of one with a winch.
-            tendon = self._tendon(string.name, string.points)
-            difference = 0.0 if has_winch else self._length(string) - self.zero_lengths[string.name]
-            polycoef = np.array([difference, 0.0, 0.0, 0.0, 0.0])
+            tendon = self._add_tendon(string.name, string.points)
+            length_offset = (
+                0.0 if has_winch else self._length_of(string) - self.zero_lengths[string.name]
+            )
+            polycoef = np.array([length_offset, 0.0, 0.0, 0.0, 0.0])
             name = string.name
             self._add(self.wires, "tendon", name=name, tendon1=name, polycoef=polycoef)
         else:
-            length_range = 0.0, self._length(string)
-            tendon = self._tendon(string.name, string.points, limited="true", range=length_range)
+            length_range = 0.0, self._length_of(string)
+            tendon = self._add_tendon(
+                string.name, string.points, limited="true", range=length_range
+            )
         if has_winch:
             self._add(tendon, "pulley", divisor=1.0)
-            for end in ("spool", "wound"):
-                self._add(tendon, "site", site=f"{string.name}.{end}")
+            for site_name in ("spool", "wound"):
+                self._add(tendon, "site", site=f"{string.name}.{site_name}")
 
-    def _winch(self, string: StringRow) -> None:
+    def _add_winch(self, string: StringRow) -> None:
         """A slide joint whose distance from its spool is the length wound up."""
         offset, world = (SUBSTITUTES.spool, 0.0, 0.0), self.bodies[WORLD]
         mass, moments = SUBSTITUTES.min_mass, np.full(3, SUBSTITUTES.min_moment)
         self._add(world, "site", name=f"{string.name}.spool")
         body = self._add(world, "body", name=f"{string.name}.winch", pos=offset)
-        self._joint(body, winch_of(string))
+        self._add_joint(body, winch_of(string))
         self._add(body, "inertial", mass=mass, pos=np.zeros(3), diaginertia=moments)
         self._add(body, "site", name=f"{string.name}.wound")
 
@@ -303,7 +315,7 @@ class _Document:
         poses = link_poses(self.tree.links, q_D[None], q_K[None], self.number)[0]
         return path_lengths(self.tree, poses, self.number)
 
-    def _length(self, row: StringRow | ChainRow) -> float:
+    def _length_of(self, row: StringRow | ChainRow) -> float:
         """Length L [m]; for a driven length that is a joint, L plus the length wound up."""
         if row.driven_length is not None:
             return (
@@ -314,44 +326,44 @@ class _Document:
         assert row.length is not None
         return self.number(row.length)
 
-    def _ball_limit(self, limit: LimitRow, b: Array) -> None:
+    def _add_ball_limit(self, limit: LimitRow, b: Array) -> None:
         """A limit of a ball joint: a cone or a twist."""
         if limit.side == "cone":
             assert limit.a is not None
-            begin, end, length = limit.a, b, 2.0 * np.sin(0.5 * limit.bound)
+            start, end, length = limit.a, b, 2.0 * np.sin(0.5 * limit.bound)
         else:
-            (begin, end), length = tendon_ends(b), SUBSTITUTES.twist_length
-        ends = self._in_parent(limit.link, begin), Point(limit.link, tuple(end))
-        self._tendon(limit.name, ends, limited="true", range=(0.0, length))
+            (start, end), length = tendon_ends(b), SUBSTITUTES.twist_length
+        tie_points = self._in_parent(limit.link, start), Point(limit.link, tuple(end))
+        self._add_tendon(limit.name, tie_points, limited="true", range=(0.0, length))
 
-    def _in_parent(self, i: int, at: Array) -> Point:
+    def _in_parent(self, i: int, position: Array) -> Point:
         """A point of a link's joint frame, as a point fixed on the parent."""
         link = self.tree.links[i]
         R, r = pose_in_parent(link, np.zeros(0), self.number)
-        return Point(link.parent, tuple(r + R @ at))
+        return Point(link.parent, tuple(r + R @ position))
 
-    def _ball_spring(self, i: int, link: Link) -> None:
+    def _add_ball_spring(self, i: int, link: Link) -> None:
         half_stiffness = 0.5 * self.number(link.stiffness)
         if half_stiffness and link.kind == "ball":
             for axis, e in zip("xyz", np.eye(3), strict=True):
-                ends = self._in_parent(i, e), Point(i, tuple(e))
+                tie_points = self._in_parent(i, e), Point(i, tuple(e))
                 name = f"{link.joint}.spring.{axis}"
-                self._tendon(name, ends, springlength=0.0, stiffness=half_stiffness)
+                self._add_tendon(name, tie_points, springlength=0.0, stiffness=half_stiffness)
 
-    def _drag(self, i: int, link: Link) -> None:
+    def _add_drag(self, i: int, link: Link) -> None:
         linear, _, angular = map(self.number, link.drag)
         if not linear and not angular:
             return
-        if not len(self.drags):
+        if not len(self.actuators):
             self._add(self.bodies[WORLD], "site", name="world")
-        m, com, _ = self._mass(link)
+        m, com, _ = self._mass_and_inertia(link)
         site = f"{link.name}.air"
-        self._site(site, Point(i, tuple(com if m else np.zeros(3))))
+        self._add_site(site, Point(i, tuple(com if m else np.zeros(3))))
         axes = np.eye(6)
         for coefficient, gears in ((linear, axes[:3]), (angular, axes[3:])):
             for gear in gears if coefficient else ():
                 self._add(
-                    self.drags,
+                    self.actuators,
                     "general",
                     site=site,
                     refsite="world",

@@ -81,8 +81,8 @@ class MuJoCoPuppet:
             reference[:] = SETTINGS.time_constant * dt, SETTINGS.damping_ratio
         for impedance in (m.jnt_solimp, m.tendon_solimp_lim, m.eq_solimp):
             impedance[:] = SETTINGS.impedance
-        self.q_D, self.v_D = self._places(marionette, Role.DYNAMIC)
-        self.q_K, self.v_K = self._places(marionette, Role.DRIVEN)
+        self.q_D, self.v_D = self._coordinate_indices(marionette, Role.DYNAMIC)
+        self.q_K, self.v_K = self._coordinate_indices(marionette, Role.DRIVEN)
         self._armature = m.dof_armature[self.v_K].copy()
         self.strings = np.array([m.tendon(s.name).id for s in tree.strings], dtype=int)
         for k, tendon in enumerate(m.eq_obj1id):
@@ -93,13 +93,13 @@ class MuJoCoPuppet:
         kinds = self.mujoco.mjtConstraint
         names = "LIMIT_TENDON", "LIMIT_JOINT", "EQUALITY"
         self._kinds = [int(getattr(kinds, f"mjCNSTR_{name}")) for name in names]
-        self._limits, self.twists = _Limits.of(m, tree), Twists(m, tree)
+        self._limits, self.twists = _Limits.from_model(m, tree), Twists(m, tree)
 
-    def put(self, q_D: ConfigD, v_D: VecD) -> None:
+    def set_dynamic(self, q_D: ConfigD, v_D: VecD) -> None:
         """Sets the dynamic coordinates."""
         self.data.qpos[self.q_D], self.data.qvel[self.v_D] = q_D, v_D
 
-    def drive(self, q_K: ConfigK, v_K: VecK, acc_K: VecK) -> None:
+    def set_driven(self, q_K: ConfigK, v_K: VecK, acc_K: VecK) -> None:
         """Sets the driven coordinates and their accelerations until the next call."""
         data = self.data
         data.qpos[self.q_K], data.qvel[self.v_K] = q_K, v_K
@@ -121,29 +121,29 @@ class MuJoCoPuppet:
     def forces(self) -> tuple[Array, Array]:
         """Tensions (n_strings,) [N] and forces of limits (n_limits,) at the last evaluation."""
         d, (tendon_kind, joint_kind, wire_kind) = self.data, self._kinds
-        kind, owner, force = (a[: d.nefc] for a in (d.efc_type, d.efc_id, d.efc_force))
+        kinds, owner, force = (a[: d.nefc] for a in (d.efc_type, d.efc_id, d.efc_force))
         tension, torque = np.zeros(self.model.ntendon), np.zeros(self.model.njnt)
-        for total, sensor_kind in ((tension, tendon_kind), (torque, joint_kind)):
-            on = kind == sensor_kind
-            total[owner[on]] += force[on]
-        on = kind == wire_kind
-        tension[self.model.eq_obj1id[owner[on]]] -= force[on]
+        for sums, sensor_kind in ((tension, tendon_kind), (torque, joint_kind)):
+            is_kind = kinds == sensor_kind
+            sums[owner[is_kind]] += force[is_kind]
+        is_kind = kinds == wire_kind
+        tension[self.model.eq_obj1id[owner[is_kind]]] -= force[is_kind]
         limit_force = self._limits.forces(d, tension, torque)
-        limit_force[self.twists.places] = tension[self.twists.tendons] * self.twists.scale
+        limit_force[self.twists.row_indices] = tension[self.twists.tendons] * self.twists.scale
         return tension[self.strings], limit_force
 
-    def _places(self, marionette: Marionette, role: Role) -> tuple[Array, Array]:
+    def _coordinate_indices(self, marionette: Marionette, role: Role) -> tuple[Array, Array]:
         """Indices in qpos and qvel of the coordinates of a role."""
         q, v = [], []
         for joint in all_joints(marionette.tree):
             if joint.role is role:
-                own = self.model.joint(joint.name)
-                q.append((joint.q, own.qposadr[0]))
-                v.append((joint.v, own.dofadr[0]))
+                joint_in_mujoco = self.model.joint(joint.name)
+                q.append((joint.q, joint_in_mujoco.qposadr[0]))
+                v.append((joint.v, joint_in_mujoco.dofadr[0]))
         table = marionette.coordinates
-        dynamic = role is Role.DYNAMIC
-        sizes = (table.n_qD, table.n_vD) if dynamic else (table.n_qK, table.n_vK)
-        return _gathered(q, sizes[0]), _gathered(v, sizes[1])
+        is_dynamic = role is Role.DYNAMIC
+        sizes = (table.n_qD, table.n_vD) if is_dynamic else (table.n_qK, table.n_vK)
+        return _index_array(q, sizes[0]), _index_array(v, sizes[1])
 
 
 @dataclass(frozen=True)
@@ -152,49 +152,60 @@ class _Limits:
 
     Attributes:
         n: number of limits, including twists.
-        ends: lower and upper limits: indices among all limits, joints, indices of these in
+        joint_limits: lower and upper limits: indices among all limits, joints, indices of these in
             qpos, middles of their ranges, and whether the limit is the upper one.
         cones: cones: indices among all limits, and tendons.
     """
 
     n: int
-    ends: tuple[Array, Array, Array, Array, Array]
+    joint_limits: tuple[Array, Array, Array, Array, Array]
     cones: tuple[Array, Array]
 
     @classmethod
-    def of(cls, model: Any, tree: Tree) -> _Limits:
+    def from_model(cls, model: Any, tree: Tree) -> _Limits:
         """The limits of a tree in MuJoCo's model of it."""
         sides = [limit.side for limit in tree.limits]
-        ends = [i for i, side in enumerate(sides) if side in ("lower", "upper")]
+        joint_limits = [i for i, side in enumerate(sides) if side in ("lower", "upper")]
         cones = [i for i, side in enumerate(sides) if side == "cone"]
         joints = np.array(
-            [model.joint(tree.links[tree.limits[i].link].joint).id for i in ends], dtype=int
+            [model.joint(tree.links[tree.limits[i].link].joint).id for i in joint_limits], dtype=int
         )
-        upper = np.array([sides[i] == "upper" for i in ends], dtype=bool)
+        is_upper = np.array([sides[i] == "upper" for i in joint_limits], dtype=bool)
         middle = model.jnt_range[joints].mean(axis=1)
         tendons = [model.tendon(tree.limits[i].name).id for i in cones]
-        places = np.array(ends, dtype=int), joints, model.jnt_qposadr[joints], middle, upper
-        return cls(len(sides), places, (np.array(cones, dtype=int), np.array(tendons, dtype=int)))
+        row_indices = (
+            np.array(joint_limits, dtype=int),
+            joints,
+            model.jnt_qposadr[joints],
+            middle,
+            is_upper,
+        )
+        return cls(
+            len(sides), row_indices, (np.array(cones, dtype=int), np.array(tendons, dtype=int))
+        )
 
     def forces(self, data: Any, tension: Array, torque: Array) -> Array:
         """Forces (n,) of limits, from those of tendons (n_tendons,) and joints (n_joints,)."""
         forces = np.zeros(self.n)
-        places, joints, at, middle, upper = self.ends
-        forces[places] = np.where((data.qpos[at] > middle) == upper, torque[joints], 0.0)
-        places, tendons = self.cones
+        row_indices, joints, qpos_index, middle, is_upper = self.joint_limits
+        forces[row_indices] = np.where(
+            (data.qpos[qpos_index] > middle) == is_upper, torque[joints], 0.0
+        )
+        row_indices, tendons = self.cones
         # h = cos(max) - a.R b and length^2 = 2 - 2 a.R b, so that dh = length d(length).
-        forces[places] = tension[tendons] / data.ten_length[tendons]
+        forces[row_indices] = tension[tendons] / data.ten_length[tendons]
         return forces
 
 
-def _gathered(forces: list[tuple[slice, int]], n: int) -> Array:
+def _index_array(slices_and_addresses: list[tuple[slice, int]], n: int) -> Array:
     """Indices (n,) in MuJoCo of the puppet's coordinates.
 
     Args:
-        forces: coordinates of each joint, and the index in MuJoCo of the first of them.
+        slices_and_addresses: coordinates of each joint, and the index in MuJoCo of the first of
+            them.
         n: number of coordinates.
     """
-    out = np.zeros(n, dtype=int)
-    for part, first in forces:
-        out[part] = first + np.arange(part.stop - part.start)
-    return out
+    indices = np.zeros(n, dtype=int)
+    for coordinates, first in slices_and_addresses:
+        indices[coordinates] = first + np.arange(coordinates.stop - coordinates.start)
+    return indices

@@ -63,45 +63,45 @@ def mujoco_run(
     t_end = checked_end(t_end, x0.t)
     puppet = MuJoCoPuppet(marionette, dt, text)
     data = puppet.data
-    t = _steps(x0.t, t_end, inputs.breaks, dt)
+    t = _step_times(x0.t, t_end, inputs.breaks, dt)
     bound = bind_input(marionette, inputs, x0.q_K, x0.v_K, x0.t, t_end)
     q_K, v_K, acc_K = bound.evaluate(t)
     h = np.diff(t)
     u_D = inputs.evaluate_force(np.append(t[:-1] + 0.5 * h, t[-1]))
-    rates = np.concatenate([np.diff(v_K, axis=0) / h[:, None], acc_K[-1:]])
-    puppet.put(x0.q_D, x0.v_D)
-    dynamic: list[Array] = []
+    mean_acc = np.concatenate([np.diff(v_K, axis=0) / h[:, None], acc_K[-1:]])
+    puppet.set_dynamic(x0.q_D, x0.v_D)
+    dynamic_samples: list[Array] = []
     tensions: list[Array] = []
     limit_forces: list[Array] = []
     for k in range(len(t)):
-        puppet.drive(q_K[k], v_K[k], rates[k])
+        puppet.set_driven(q_K[k], v_K[k], mean_acc[k])
         data.qfrc_applied[puppet.v_D] = u_D[k]
         state = np.concatenate([data.qpos[puppet.q_D], data.qvel[puppet.v_D]])
         if not np.all(np.isfinite(state)):
             break
         puppet.evaluate()
-        dynamic.append(np.concatenate([state, data.qacc[puppet.v_D]]))
+        dynamic_samples.append(np.concatenate([state, data.qacc[puppet.v_D]]))
         tension, limit_force = puppet.forces()
         tensions.append(tension)
         limit_forces.append(limit_force)
         if k < len(h):
             puppet.model.opt.timestep = h[k]
             puppet.step()
-    n, table = len(dynamic), marionette.coordinates
-    ends = np.cumsum([table.n_qD, table.n_vD])
-    q_D, v_D, acc_D = np.split(np.array(dynamic), ends, axis=1)
+    n, table = len(dynamic_samples), marionette.coordinates
+    split_at = np.cumsum([table.n_qD, table.n_vD])
+    q_D, v_D, acc_D = np.split(np.array(dynamic_samples), split_at, axis=1)
     motion = _Motion(t[:n], q_D, v_D, acc_D, q_K[:n], v_K[:n], acc_K[:n])
     status = Status.DONE if n == len(t) else Status.NOT_FINITE
     return _trajectory(marionette, motion, np.array(tensions), np.array(limit_forces), status)
 
 
-def _steps(start: float, end: float, breaks: Times, dt: float) -> Times:
+def _step_times(start: float, end: float, breaks: Times, dt: float) -> Times:
     """Times from start to end with all breaks between, at most ``dt`` apart."""
-    inner = breaks[(breaks > start + SAME_TIME) & (breaks < end - SAME_TIME)]
-    corners = np.concatenate([[start], inner, [end]])
+    inner_breaks = breaks[(breaks > start + SAME_TIME) & (breaks < end - SAME_TIME)]
+    interval_ends = np.concatenate([[start], inner_breaks, [end]])
     pieces = [
         np.linspace(a, b, int(np.ceil((b - a) / dt - _STEP_ROUNDING)), endpoint=False)
-        for a, b in pairwise(corners)
+        for a, b in pairwise(interval_ends)
     ]
     return np.append(np.concatenate(pieces), end)
 
@@ -112,13 +112,13 @@ def _trajectory(
     """The trajectory of a motion, with its energies and violations."""
     tree, n = marionette.tree, len(motion.t)
     strings, limits = (tuple(row.name for row in rows) for rows in (tree.strings, tree.limits))
-    place = {"q_D": motion.q_D, "q_K": motion.q_K, "p": marionette.p}
+    configuration = {"q_D": motion.q_D, "q_K": motion.q_K, "p": marionette.p}
     library = marionette.library
-    energy = library.evaluate("energy", **place, v_D=motion.v_D, v_K=motion.v_K)
+    energy = library.evaluate("energy", **configuration, v_D=motion.v_D, v_K=motion.v_K)
     ledger = np.full((n, len(LEDGER)), np.nan)
     ledger[:, LEDGER.index("kinetic")] = energy.T
     ledger[:, LEDGER.index("potential")] = energy.V
-    h = library.evaluate("rows", **place).h
+    h = library.evaluate("rows", **configuration).h
     violation = np.where(marionette.two_sided, np.abs(h), np.maximum(h, 0.0))
     return Trajectory(
         *motion,
@@ -130,7 +130,7 @@ def _trajectory(
         status=status,
         method="mujoco",
         coordinates=marionette.coordinates,
-        puppet=marionette.described,
+        puppet=marionette.current_puppet,
         violation=Columns(tree.row_names, violation, "string or limit"),
         slip=Columns(strings, np.zeros((n, len(strings))), "string"),
     )

@@ -16,10 +16,10 @@ import numpy as np
 from fantoccini.base import Array, cross, perpendicular, rotation
 from fantoccini.model.tree import Tree
 
-_LENGTH, _RATE = np.sqrt(2.0), np.sqrt(0.5)
+_TENDON_LENGTH, _LENGTH_PER_ANGLE = np.sqrt(2.0), np.sqrt(0.5)
 """Length of a tendon after an update [m], and its derivative by the angle about g [m/rad]."""
 
-_NEXT, _LAST = [1, 2, 0], [2, 0, 1]
+_NEXT_AXIS, _PREVIOUS_AXIS = [1, 2, 0], [2, 0, 1]
 """Axis after and before x, y and z in cyclic order."""
 
 
@@ -27,7 +27,7 @@ class Twists:
     """Tendons that limit a puppet's twists; false without twists.
 
     Attributes:
-        places: (n,) indices among the puppet's limits.
+        row_indices: (n,) indices among the puppet's limits.
         tendons: (n,) tendons of the twists in MuJoCo.
         scale: (n,) change of a tendon's length per change of h, since the last update.
 
@@ -39,7 +39,7 @@ class Twists:
     def __init__(self, model: Any, tree: Tree):
         indices = [i for i, limit in enumerate(tree.limits) if limit.side.startswith("twist")]
         limits = [tree.limits[i] for i in indices]
-        self.places, self._model = np.array(indices, dtype=int), model
+        self.row_indices, self._model = np.array(indices, dtype=int), model
         self.tendons = np.array([model.tendon(limit.name).id for limit in limits], dtype=int)
         joints = np.array(
             [model.joint(tree.links[limit.link].joint).id for limit in limits], dtype=int
@@ -57,7 +57,7 @@ class Twists:
         self.scale = np.ones(len(indices))
 
     def __bool__(self) -> bool:
-        return len(self.places) > 0
+        return len(self.row_indices) > 0
 
     def update(self, qpos: Array) -> None:
         """Moves the tendons' ends and limits to MuJoCo's configuration (n_q,)."""
@@ -67,15 +67,15 @@ class Twists:
         twist = 2.0 * np.arctan2(np.where(s < 0.0, -x, x), np.abs(s))[:, 0]
         h = self._sign * (twist - self._bound)
         J = self._sign[:, None] * (s * (s * b + cross(b, v)) + x * v) / (s * s + x * x)
-        size = np.linalg.norm(J, axis=1)
-        self.scale = _RATE / size
-        g = J / size[:, None]
+        norm = np.linalg.norm(J, axis=1)
+        self.scale = _LENGTH_PER_ANGLE / norm
+        g = J / norm[:, None]
         begin, end = tendon_ends(g)
-        around = 2.0 * cross(v, begin)
-        turned = self._frame @ (begin + s * around + cross(v, around))[..., None]
-        self._model.site_pos[self._sites[:, 0]] = self._centre + turned[..., 0]
+        cross_term = 2.0 * cross(v, begin)
+        start_point = self._frame @ (begin + s * cross_term + cross(v, cross_term))[..., None]
+        self._model.site_pos[self._sites[:, 0]] = self._centre + start_point[..., 0]
         self._model.site_pos[self._sites[:, 1]] = end
-        self._model.tendon_range[self.tendons, 1] = _LENGTH - self.scale * h
+        self._model.tendon_range[self.tendons, 1] = _TENDON_LENGTH - self.scale * h
 
 
 def tendon_ends(g: Array) -> tuple[Array, Array]:

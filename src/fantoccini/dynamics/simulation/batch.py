@@ -33,7 +33,7 @@ from fantoccini.dynamics.steppers import (
     force_names,
     ledgers_of_terms,
     may_be_redundant,
-    parted_starts,
+    separated_starts,
     undetermined,
 )
 from fantoccini.kernel.contract import PARTS
@@ -50,7 +50,7 @@ from fantoccini.motion import (
     Trajectories,
 )
 
-SAVE = ("q_D", "v_D", "tension")
+DEFAULT_SAVED = ("q_D", "v_D", "tension")
 """Arrays that a batch saves by default."""
 
 _FORCE_SAMPLES = ("q_D", "v_D", "q_K", "v_K", "tension", "taut", "slip")
@@ -62,9 +62,9 @@ _RUNTIME_PART = {"tension": "force", "limit_force": "force", "ledger": "energy_t
 T = TypeVar("T", State, Input)
 
 
-_NUMBER_SIZE = 8
+_BYTES_PER_NUMBER = 8
 """Size of a number [bytes]."""
-_DELAY = 2.0
+_PROGRESS_DELAY = 2.0
 """Delay of the progress bar [s]."""
 _LEDGER_NUMBERS, _TIME_NUMBERS = 16, 4
 """Numbers per sample in memory while its ledger, and its time, are computed."""
@@ -117,11 +117,11 @@ def simulate_batch(
         TypeError: ``x0`` is not a state or states, or ``inputs`` not inputs.
         ValueError: an argument is invalid.
     """
-    chosen = as_method(method)
-    name = chosen.name
+    method_options = as_method(method)
+    name = method_options.name
     check_marionette(marionette)
     options = marionette.run_options(
-        **chosen.options,
+        **method_options.options,
         save_steps=False,
         max_memory=max_memory,
         save_every=1 if save_every is None else save_every,
@@ -133,25 +133,25 @@ def simulate_batch(
         inputs = Input.hold(marionette).shifted(t)
     elif not isinstance(inputs, Inputs):
         inputs = _as_list(inputs, Input, "inputs", "Input.waypoints()")
-    items = as_inputs(inputs)
+    batch_inputs = as_inputs(inputs)
     p = parameter_rows(marionette, parameters)
-    n = max(len(states), len(items), len(p))
-    if not {len(states), len(items), len(p)} <= {1, n}:
-        several = f" and {len(p)} values of parameters" if len(p) > 1 else ""
+    n = max(len(states), len(batch_inputs), len(p))
+    if not {len(states), len(batch_inputs), len(p)} <= {1, n}:
+        parameter_text = f" and {len(p)} values of parameters" if len(p) > 1 else ""
         raise StateError(
-            f"{len(states)} states and {len(items)} inputs{several}; needed: equal "
+            f"{len(states)} states and {len(batch_inputs)} inputs{parameter_text}; needed: equal "
             "numbers of them, or a single one"
         )
-    t_end = checked_end(items.end if t_end is None else t_end, t)
-    bound = bind_inputs(marionette, items, states.q_K, states.v_K, t, t_end)
-    states = parted_starts(marionette, states, p)
+    t_end = checked_end(batch_inputs.end if t_end is None else t_end, t)
+    bound = bind_inputs(marionette, batch_inputs, states.q_K, states.v_K, t, t_end)
+    states = separated_starts(marionette, states, p)
     check_starts(marionette, states, name, p)
     check_steps(marionette, name, states, p, options.dt)
     if threads is not None:
-        threads = checked_integer("threads", threads, low=1)
-    saved = _saved(marionette, save)
-    written = _runtime_parts(saved)
-    _check_memory(marionette, name, options, written, n, t, t_end, save_at, out or {})
+        threads = checked_integer("threads", threads, minimum=1)
+    saved_names = _saved(marionette, save)
+    runtime_parts = _runtime_parts(saved_names)
+    _check_memory(marionette, name, options, runtime_parts, n, t, t_end, save_at, out or {})
     times = _times(name, options, t, t_end, save_at)
     library = marionette.libraries.batch_library_of(name)
     batch = Batch(
@@ -170,32 +170,32 @@ def simulate_batch(
         winches=marionette.winches,
         options=options,
         times=times,
-        parts=_parts(marionette, written, n, len(times), out or {}),
+        parts=_parts(marionette, runtime_parts, n, len(times), out or {}),
     )
     threads = min(default_threads() if threads is None else threads, -(-n // library.width))
     # After Ctrl-C the samples so far are returned; other runs keep their first status.
-    seconds = None if progress is None else partial(_in_seconds, progress, t_end - t)
-    bar = reporting(f"{n} runs", seconds, delay=_DELAY)
+    time_progress = None if progress is None else partial(_in_seconds, progress, t_end - t)
+    bar = reporting(f"{n} runs", time_progress, delay=_PROGRESS_DELAY)
     with bar as show, contextlib.suppress(KeyboardInterrupt):
         batch.run(threads, show)
     BatchVerdicts(marionette, batch, bound, name).decide()
-    return _trajectories(marionette, batch, name, saved)
+    return _trajectories(marionette, batch, name, saved_names)
 
 
-def _in_seconds(progress: OnProgress, duration: float, at: Progress) -> None:
+def _in_seconds(progress: OnProgress, duration: float, progress_by_run: Progress) -> None:
     """Reports the mean simulated time instead of the number of finished runs."""
-    progress(Progress(done=at.share * duration, total=duration))
+    progress(Progress(done=progress_by_run.share * duration, total=duration))
 
 
 def _as_list(items: object, kind: type[T], name: str, maker: str) -> list[T]:
     """List of one or several objects of a kind."""
-    entries = [items] if isinstance(items, kind) else items
+    objects = [items] if isinstance(items, kind) else items
     if (
-        isinstance(entries, Sequence)
-        and entries
-        and all(isinstance(entry, kind) for entry in entries)
+        isinstance(objects, Sequence)
+        and objects
+        and all(isinstance(entry, kind) for entry in objects)
     ):
-        return list(entries)
+        return list(objects)
     raise TypeError(
         f"{name} is {items!r}; it must be {kind.__name__}, as {maker} gives it, or a list of one "
         "or more of them"
@@ -208,25 +208,25 @@ def _times(
     """Times of the samples [s]."""
     if method == "event":
         return np.union1d([] if save_at is None else save_at, [t, t_end])
-    dt, every = options.dt, options.save_every
+    dt, save_every = options.dt, options.save_every
     n_steps = max(1, int(np.ceil((t_end - t) / dt - 1e-6)))
-    steps = np.append(np.arange(0, n_steps, every), n_steps)
+    steps = np.append(np.arange(0, n_steps, save_every), n_steps)
     return np.append(t + steps[:-1] * dt, t_end)
 
 
 def _saved(marionette: CompiledPuppet, save: Sequence[str] | str | None) -> tuple[str, ...]:
     """Names of the arrays to save; "all" omits those that need contact, or no contact."""
-    touches = marionette.contacts is not None
+    has_contact = marionette.contacts is not None
     if save is None:
-        redundant = not touches and may_be_redundant(marionette, winches=True)
-        return (*SAVE, UNDETERMINED) if redundant else SAVE
+        has_redundant = not has_contact and may_be_redundant(marionette, winches=True)
+        return (*DEFAULT_SAVED, UNDETERMINED) if has_redundant else DEFAULT_SAVED
     if save == "all":
-        return tuple(name for name in SAVED if name != (UNDETERMINED if touches else RESIDUAL))
+        return tuple(name for name in SAVED if name != (UNDETERMINED if has_contact else RESIDUAL))
     names = (save,) if isinstance(save, str) else tuple(save)
     for name in names:
         if name not in SAVED:
             raise ValueError(f"save has {name!r}; needed: 'all' or names of {', '.join(SAVED)}")
-    if touches and UNDETERMINED in names:
+    if has_contact and UNDETERMINED in names:
         raise ValueError(
             "save has 'undetermined', but a batch does not store contact points, which share the "
             "forces; simulate such runs one by one"
@@ -257,14 +257,16 @@ def _check_memory(
         n_samples = 2.0 + (0 if save_at is None else len(save_at))
     else:
         n_samples = count_samples(options, t, t_end)
-    widths, arrays = (
+    widths, new_arrays = (
         _widths(marionette),
         {_RUNTIME_PART.get(name, name) for name in saved} - set(out),
     )
-    sample = sum(widths[name] * (1 if name == "taut" else _NUMBER_SIZE) for name in arrays)
-    sample += _LEDGER_NUMBERS * _NUMBER_SIZE if "ledger" in saved else 0
-    need = n_samples * (n * sample + _TIME_NUMBERS * _NUMBER_SIZE)
-    check_memory(method, options, t, t_end, n_samples, need)
+    bytes_per_sample = sum(
+        widths[name] * (1 if name == "taut" else _BYTES_PER_NUMBER) for name in new_arrays
+    )
+    bytes_per_sample += _LEDGER_NUMBERS * _BYTES_PER_NUMBER if "ledger" in saved else 0
+    n_bytes = n_samples * (n * bytes_per_sample + _TIME_NUMBERS * _BYTES_PER_NUMBER)
+    check_memory(method, options, t, t_end, n_samples, n_bytes)
 
 
 def _widths(marionette: CompiledPuppet) -> dict[str, int]:
@@ -289,20 +291,21 @@ def _parts(
                 f"{', '.join(sorted(requested))} ('force' is tension and limit_force in one array, "
                 "'energy_terms' the entries of the ledger)"
             )
-    for (name, part), (other, same) in combinations(out.items(), 2):
-        if np.may_share_memory(part, same):
+    for (name, part), (other_name, other_part) in combinations(out.items(), 2):
+        if np.may_share_memory(part, other_part):
             raise ValueError(
-                f"out[{other!r}] and out[{name!r}] share their memory; each needs its own array"
+                f"out[{other_name!r}] and out[{name!r}] share their memory; each needs its own "
+                "array"
             )
     parts = {}
     for name in sorted(requested):
-        kind = np.dtype(np.bool_ if name == "taut" else np.float64)
+        dtype = np.dtype(np.bool_ if name == "taut" else np.float64)
         shape = (n, n_times, widths[name])
-        part = out[name] if name in out else np.empty(shape, dtype=kind)
-        if part.shape != shape or part.dtype != kind or not part.flags.c_contiguous:
+        part = out[name] if name in out else np.empty(shape, dtype=dtype)
+        if part.shape != shape or part.dtype != dtype or not part.flags.c_contiguous:
             raise StateError(
                 f"out[{name!r}] is {part.dtype} of shape {part.shape}; it must be a C-contiguous "
-                f"{kind} array of shape {shape}"
+                f"{dtype} array of shape {shape}"
             )
         if not part.flags.writeable:
             raise ValueError(f"out[{name!r}] is read-only")
@@ -336,14 +339,14 @@ def _trajectories(
             arrays[name] = view
     names = tuple(tree.parameters)
     values = np.ascontiguousarray(np.broadcast_to(batch.p, (batch.n, len(names))))
-    ends = ("status", "reached", "violation", "catches", "releases")
-    arrays |= {name: _read_only(getattr(batch, name)) for name in ends}
+    result_fields = ("status", "reached", "violation", "catches", "releases")
+    arrays |= {name: _read_only(getattr(batch, name)) for name in result_fields}
     return Trajectories(
         t=_read_only(batch.times),
         attribution=Columns(tree.attributable, batch.attribution, "string, limit or drive"),
         method=method,
         coordinates=marionette.coordinates,
-        puppet=marionette.described,
+        puppet=marionette.current_puppet,
         parameters=Columns(names, _read_only(values), "parameter"),
         **arrays,
     )
@@ -354,20 +357,22 @@ def _undetermined(marionette: Marionette, batch: Batch, method: str) -> Array:
     n_s, parts = len(marionette.tree.strings), batch.parts
     flags = np.zeros((batch.n, len(batch.times), len(force_names(marionette))), dtype=bool)
     for i in range(batch.n):
-        done = np.isfinite(parts["q_D"][i]).all(axis=1) & np.isfinite(parts["force"][i]).all(axis=1)
+        is_done = np.isfinite(parts["q_D"][i]).all(axis=1) & np.isfinite(parts["force"][i]).all(
+            axis=1
+        )
         samples = ForceSamples(
-            q_D=parts["q_D"][i][done],
-            v_D=parts["v_D"][i][done],
-            q_K=parts["q_K"][i][done],
-            v_K=parts["v_K"][i][done],
-            force=parts["force"][i][done],
-            taut=parts["taut"][i][done, :n_s],
-            slip=parts["slip"][i][done],
+            q_D=parts["q_D"][i][is_done],
+            v_D=parts["v_D"][i][is_done],
+            q_K=parts["q_K"][i][is_done],
+            v_K=parts["v_K"][i][is_done],
+            force=parts["force"][i][is_done],
+            taut=parts["taut"][i][is_done, :n_s],
+            slip=parts["slip"][i][is_done],
             method=method,
         )
         if len(samples):
-            own = marionette.with_p(batch.p[i % len(batch.p)])
-            flags[i, done] = undetermined(own, samples).values
+            run_puppet = marionette.with_p(batch.p[i % len(batch.p)])
+            flags[i, is_done] = undetermined(run_puppet, samples).values
     return flags
 
 

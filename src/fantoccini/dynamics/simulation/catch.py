@@ -30,48 +30,54 @@ def catch_at(
     Raises:
         SimulationError: the run's velocities do not satisfy the equations of the impulse.
     """
-    at = Evaluation.of(marionette, before)
+    evaluation = Evaluation.at_state(marionette, before)
     wires, n_rows = marionette.two_sided, marionette.tree.n_rows
-    was, stays = np.zeros((2, n_rows), dtype=bool)
-    was[held[0]] = stays[held[1]] = True
+    was_held, stays_held = np.zeros((2, n_rows), dtype=bool)
+    was_held[held[0]] = stays_held[held[1]] = True
     scale = marionette.row_scales(before.q_D, before.q_K)
-    closed = np.abs(at.h) <= ROW_TOLERANCES.start_gap * scale
-    rows = np.flatnonzero(was | closed | wires)
-    restitution = string_restitution(marionette, at)
-    stopped = (1.0 + restitution) * at.hdot
-    solution = at.complementarity(rows, stopped[rows], wires)
-    strikes = np.zeros(n_rows, dtype=bool)
-    strikes[rows] = np.abs(solution.x) > RELATIVE_ROUNDING * np.max(np.abs(solution.x), initial=0.0)
-    fast = np.max(np.abs(at.hdot[rows]), initial=0.0)
+    is_closed = np.abs(evaluation.h) <= ROW_TOLERANCES.start_gap * scale
+    rows = np.flatnonzero(was_held | is_closed | wires)
+    restitution = string_restitution(marionette, evaluation)
+    closing_speed = (1.0 + restitution) * evaluation.hdot
+    solution = evaluation.complementarity(rows, closing_speed[rows], wires)
+    is_struck = np.zeros(n_rows, dtype=bool)
+    is_struck[rows] = np.abs(solution.x) > RELATIVE_ROUNDING * np.max(
+        np.abs(solution.x), initial=0.0
+    )
+    max_speed = np.max(np.abs(evaluation.hdot[rows]), initial=0.0)
     # Rows held after the catch were stopped by it, even from speeds close to rest.
-    rows = np.flatnonzero(strikes | wires | stays)
+    rows = np.flatnonzero(is_struck | wires | stays_held)
     zeros = np.zeros((len(before.v_D), 1))
-    kick, own = KKTSystem(at, rows).solve(zeros, stopped[rows, None])
+    velocity_jump, held_impulse = KKTSystem(evaluation, rows).solve(
+        zeros, closing_speed[rows, None]
+    )
     impulse = np.zeros(n_rows)
-    impulse[rows] = own[:, 0]
-    caught = np.flatnonzero(closed & ~was & ~wires & (at.hdot > RELATIVE_ROUNDING * fast))
-    near = closed & ~was & (at.hdot > -ROW_TOLERANCES.rest_speed)
-    near[caught] = False
-    near |= stays & ~was & ~strikes
-    names, by = marionette.tree.row_names, row_derivatives_at(marionette, before)
+    impulse[rows] = held_impulse[:, 0]
+    caught_rows = np.flatnonzero(
+        is_closed & ~was_held & ~wires & (evaluation.hdot > RELATIVE_ROUNDING * max_speed)
+    )
+    is_near = is_closed & ~was_held & (evaluation.hdot > -ROW_TOLERANCES.rest_speed)
+    is_near[caught_rows] = False
+    is_near |= stays_held & ~was_held & ~is_struck
+    names, derivatives = marionette.tree.row_names, row_derivatives_at(marionette, before)
     saltation = Saltation(
         marionette,
         before,
-        at,
+        evaluation,
         rows,
         (),
         restitution,
-        kick[:, 0],
+        velocity_jump[:, 0],
         impulse,
-        [Guard.of_row(by, int(row), at.hdot[row]) for row in caught],
-        tuple(names[row] for row in caught),
-        [f"{names[row]}: at its bound" for row in np.flatnonzero(near)],
+        [Guard.of_row(derivatives, int(row), evaluation.hdot[row]) for row in caught_rows],
+        tuple(names[row] for row in caught_rows),
+        [f"{names[row]}: at its bound" for row in np.flatnonzero(is_near)],
     )
-    what = (
+    subject = (
         f"catch at t = {before.t:.6g} s cannot be differentiated: its velocities are not those of "
         "the impulse on the strings that it strikes and holds"
     )
     if not solution.solved:
-        raise SimulationError(Status.NOT_SETTLED, f"the {what}")
-    saltation.check(after.v_D, what)
+        raise SimulationError(Status.NOT_SETTLED, f"the {subject}")
+    saltation.check(after.v_D, subject)
     return saltation

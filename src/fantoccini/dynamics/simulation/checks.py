@@ -22,14 +22,14 @@ def check_one_run(x0: object, inputs: object) -> None:
     """Raises TypeError unless the arguments are one state, and one input or None."""
     state = "a State, as marionette.state({...}) or .rest({...}) gives it"
     motion = "an Input, such as fan.Input.waypoints(marionette, {...})"
-    for name, value, kind, how in (
+    for name, value, kind, expected in (
         ("x0", x0, State, state),
         ("inputs", inputs, Input | None, motion),
     ):
         if isinstance(value, Inputs | list | tuple):
             raise TypeError(f"{name} are several; needed: one, or fan.simulate_batch")
         if not isinstance(value, kind):
-            raise TypeError(f"{name} is a {type(value).__name__}; it must be {how}")
+            raise TypeError(f"{name} is a {type(value).__name__}; it must be {expected}")
 
 
 def save_times(

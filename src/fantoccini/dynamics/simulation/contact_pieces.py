@@ -25,14 +25,14 @@ from fantoccini.dynamics.marionette import Marionette
 from fantoccini.dynamics.simulation.input_piece import InputVariation
 from fantoccini.motion import State, Trajectory, pair_name
 
-SAME_PLACE = 1e-7
+MAX_POINT_DISTANCE = 1e-7
 """Largest distance of a run's point from the narrow phase's at the same state [m]."""
 TIME_AGREEMENT = 1e-5
 """Largest relative difference of changes of event times that count as equal."""
 MAX_SMOOTH_CHANGE = 1e-7
 """Largest change of accelerations that is no jump, relative to max(1, |acc|)."""
 
-Key = frozenset[tuple[int, int, ContactMode]]
+ModesKey = frozenset[tuple[int, int, ContactMode]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,21 +66,21 @@ class ContactPieces:
         """
         if self._marionette.contacts is None:
             return [(first, last, ())]
-        out: list[tuple[int, int, tuple[PointMode, ...]]] = []
+        ranges: list[tuple[int, int, tuple[PointMode, ...]]] = []
         is_separate = False
         for i in range(first, last):
             modes, is_transition = self._modes(i)
             if (
-                out
+                ranges
                 and not is_separate
                 and not is_transition
-                and modes_key(out[-1][2]) == modes_key(modes)
+                and modes_key(ranges[-1][2]) == modes_key(modes)
             ):
-                out[-1] = (out[-1][0], i + 1, out[-1][2])
+                ranges[-1] = (ranges[-1][0], i + 1, ranges[-1][2])
             else:
-                out.append((i, i + 1, modes))
+                ranges.append((i, i + 1, modes))
             is_separate = is_transition
-        return out
+        return ranges
 
     def touches(self, i: int) -> bool:
         """Whether any contact point pushes at a sample."""
@@ -91,9 +91,9 @@ class ContactPieces:
         sliding = [p for p in modes if p.mode is ContactMode.SLIDE and p.friction > 0.0]
         if not sliding:
             return False
-        seen, rest_speed = self._points(i), self._rest_speed(i)
-        at = [seen.get((p.pair, p.feature)) for p in sliding]
-        return any(own is not None and own.speed <= rest_speed for own in at)
+        points, rest_speed = self._points(i), self._rest_speed(i)
+        sampled = [points.get((p.pair, p.feature)) for p in sliding]
+        return any(point is not None and point.speed <= rest_speed for point in sampled)
 
     def _rest_speed(self, i: int) -> float:
         """Speed that counts as zero at a sample [m/s]."""
@@ -104,18 +104,18 @@ class ContactPieces:
         before, after = self._points(i), self._points(i + 1)
         rest_speed = self._rest_speed(i)
         modes, is_transition = [], False
-        for (pair, feature), own in after.items():
-            old = before.get((pair, feature))
-            begins = old is None or old.speed <= rest_speed
-            ends = own.speed <= rest_speed
+        for (pair, feature), point in after.items():
+            previous = before.get((pair, feature))
+            begins_sliding = previous is None or previous.speed <= rest_speed
+            ends_sliding = point.speed <= rest_speed
             mode, along, turns = ContactMode.STICK, np.zeros(3), False
-            if own.mu == 0.0:
+            if point.mu == 0.0:
                 mode = ContactMode.SLIDE
-            elif not (begins and ends):
+            elif not (begins_sliding and ends_sliding):
                 mode, turns = ContactMode.SLIDE, True
-                is_transition = is_transition or begins or ends
-                along = -own.friction if ends or old is None else -old.friction
-            modes.append(PointMode(own.name, pair, feature, mode, own.mu, along, turns))
+                is_transition = is_transition or begins_sliding or ends_sliding
+                along = -point.friction if ends_sliding or previous is None else -previous.friction
+            modes.append(PointMode(point.name, pair, feature, mode, point.mu, along, turns))
         return tuple(modes), is_transition
 
     def _points(self, i: int) -> dict[tuple[int, int], _SampledPoint]:
@@ -124,31 +124,31 @@ class ContactPieces:
             return self._by_sample[i]
         run, contacts = self._run, self._marionette.contacts
         assert run.contact is not None and contacts is not None
-        pushing = run.contact.at(i)
-        screws = Screws(self._marionette, run.state(i)) if len(pushing) else None
+        loaded = run.contact.at_sample(i)
+        screws = Screws(self._marionette, run.state(i)) if len(loaded) else None
         out: dict[tuple[int, int], _SampledPoint] = {}
-        for k in range(len(pushing)):
+        for k in range(len(loaded)):
             assert screws is not None
-            number, name = int(pushing.pair[k]), pair_name(contacts.names[pushing.pair[k]])
-            pair = PairGeometry(self._marionette, screws.poses, number)
-            feature = pair.nearest(pushing.point[k], SAME_PLACE)
+            pair_index, name = int(loaded.pair[k]), pair_name(contacts.names[loaded.pair[k]])
+            pair = PairGeometry(self._marionette, screws.poses, pair_index)
+            feature = pair.nearest(loaded.point[k], MAX_POINT_DISTANCE)
             if feature is None:
                 raise StateError(f"{name} touch at t = {run.t[i]:.6g} s away from all solids")
-            n, u, f = pushing.normal[k], pushing.velocity[k], pushing.force[k]
+            n, u, f = loaded.normal[k], loaded.velocity[k], loaded.force[k]
             across, friction = u - n * (n @ u), f - n * (n @ f)
-            size = float(np.linalg.norm(friction))
-            out[number, feature] = _SampledPoint(
+            friction_force = float(np.linalg.norm(friction))
+            out[pair_index, feature] = _SampledPoint(
                 name,
                 float(np.linalg.norm(across)),
                 across,
-                friction / (size or 1.0),
-                float(contacts.friction[number]),
+                friction / (friction_force or 1.0),
+                float(contacts.friction[pair_index]),
             )
         self._by_sample[i] = out
         return out
 
 
-def modes_key(modes: Sequence[PointMode]) -> Key:
+def modes_key(modes: Sequence[PointMode]) -> ModesKey:
     """Key that is equal for equal modes."""
     return frozenset((point.pair, point.feature, point.mode) for point in modes)
 
@@ -174,7 +174,7 @@ class Change:
     differentiable: bool
 
     @classmethod
-    def of(
+    def between_modes(
         cls,
         marionette: Marionette,
         x: State,
@@ -182,7 +182,7 @@ class Change:
         u_D: Array,
         before: tuple[Indices, Sequence[PointMode]],
         after: tuple[Indices, Sequence[PointMode]],
-        D: Array,
+        changes: Array,
     ) -> Change | None:
         """The change at a state; None if accelerations do not jump.
 
@@ -191,24 +191,28 @@ class Change:
             x: the state.
             acc_K, u_D: driven accelerations and user forces.
             before, after: held rows and points.
-            D: (n_columns, m) changes of q_D, v_D, q_K, v_K, acc_K, u_D and p.
+            changes: (n_columns, m) changes of q_D, v_D, q_K, v_K, acc_K, u_D and p.
         """
-        at = Evaluation.of(marionette, x, acc_K, u_D)
-        acc, _, points = FrozenModes(marionette, before[1]).moving(at, x, acc_K, before[0])
-        new, _, _ = FrozenModes(marionette, after[1]).moving(at, x, acc_K, after[0])
-        size = max(1.0, float(np.max(np.abs(acc))), float(np.max(np.abs(new))))
-        if np.max(np.abs(acc - new)) <= MAX_SMOOTH_CHANGE * size:
+        evaluation = Evaluation.at_state(marionette, x, acc_K, u_D)
+        acc, _, points = FrozenModes(marionette, before[1]).accelerations_and_forces(
+            evaluation, x, acc_K, before[0]
+        )
+        acc_after, _, _ = FrozenModes(marionette, after[1]).accelerations_and_forces(
+            evaluation, x, acc_K, after[0]
+        )
+        acc_scale = max(1.0, float(np.max(np.abs(acc))), float(np.max(np.abs(acc_after))))
+        if np.max(np.abs(acc - acc_after)) <= MAX_SMOOTH_CHANGE * acc_scale:
             return None
         screws = Screws(marionette, x, acc, acc_K)
         time_changes, names = [], []
         for point in points:
             if point.mode is ContactMode.SLIDE and point.friction > 0.0 and not point.turns:
-                speed, by = _slowing(screws, point)
+                speed, speed_rate_by = _speed_rate(screws, point)
                 if speed < 0.0:
-                    time_changes.append(-(by @ D)[None] / speed)
+                    time_changes.append(-(speed_rate_by @ changes)[None] / speed)
                     names.append(point.name)
         if not time_changes:
-            return cls((), np.zeros((1, D.shape[1])), acc - new, False)
+            return cls((), np.zeros((1, changes.shape[1])), acc - acc_after, False)
         spread = max(
             float(np.max(np.abs(time_change - time_changes[0]), initial=0.0))
             for time_change in time_changes
@@ -216,18 +220,18 @@ class Change:
         differentiable = spread <= TIME_AGREEMENT * float(
             np.max(np.abs(time_changes[0]), initial=1e-9)
         )
-        return cls(tuple(dict.fromkeys(names)), time_changes[0], acc - new, differentiable)
+        return cls(tuple(dict.fromkeys(names)), time_changes[0], acc - acc_after, differentiable)
 
 
-def _slowing(screws: Screws, point: HeldPoint) -> tuple[float, Array]:
+def _speed_rate(screws: Screws, point: HeldPoint) -> tuple[float, Array]:
     """Rate of the speed of a sliding point, and changes of this rate (n_columns,)."""
-    rows = ContactRows(screws, [replace(point, mode=ContactMode.STICK, closes=0.0)], 0.0)
-    parts = replace(point, mode=ContactMode.STICK).directions @ point.along
-    parts[0] = 0.0
-    return -float(parts @ rows.accelerations()), -parts @ rows.velocity_by()
+    rows = ContactRows(screws, [replace(point, mode=ContactMode.STICK, closing_rate=0.0)], 0.0)
+    along_components = replace(point, mode=ContactMode.STICK).directions @ point.along
+    along_components[0] = 0.0
+    return -float(along_components @ rows.accelerations()), -along_components @ rows.velocity_by()
 
 
-def stacked(Z: Array, input_change: InputVariation) -> Array:
+def state_and_input_changes(Z: Array, input_change: InputVariation) -> Array:
     """Changes (n_columns, m) of q_D, v_D, q_K, v_K, acc_K, u_D and p in one array."""
     b = input_change
     return np.concatenate([Z, b.q_K, b.v_K, b.acc_K, b.u_D, b.p])

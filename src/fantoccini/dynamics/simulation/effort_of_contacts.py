@@ -31,16 +31,16 @@ def contact_effort(
     screws = marionette.library.evaluate("screws", q_D=q_D, q_K=q_K, p=marionette.p).screw_K
     wrench = np.hstack([contact.force, np.cross(contact.point, contact.force)])
     for side, sign in ((0, 1.0), (1, -1.0)):
-        touched = links[contact.pair, side]
-        for link in set(touched.tolist()) - {WORLD}:
+        touched_links = links[contact.pair, side]
+        for link in set(touched_links.tolist()) - {WORLD}:
             links_above = (marionette.tree.links[i] for i in marionette.tree.ancestors(link))
-            driven = [
+            driven_indices = [
                 k for w in links_above if w.role is Role.DRIVEN for k in range(w.v.start, w.v.stop)
             ]
-            selected = np.flatnonzero(touched == link)
-            for k in driven:
-                along = np.einsum(
-                    "nc,nc->n", screws[contact.sample[selected], :, k], wrench[selected]
+            at_link = np.flatnonzero(touched_links == link)
+            for k in driven_indices:
+                generalised_force = np.einsum(
+                    "nc,nc->n", screws[contact.sample[at_link], :, k], wrench[at_link]
                 )
-                np.add.at(out[:, k], contact.sample[selected], -sign * along)
+                np.add.at(out[:, k], contact.sample[at_link], -sign * generalised_force)
     return out

@@ -61,52 +61,59 @@ class _Impact:
         self, marionette: Marionette, before: State, after: State, held: tuple[Indices, Indices]
     ):
         self._marionette, self._before = marionette, before
-        self._at = at = Evaluation.of(marionette, before)
-        n_rows = len(at.hdot)
+        self._at = evaluation = Evaluation.at_state(marionette, before)
+        n_rows = len(evaluation.hdot)
         taut_before, taut_after = (np.isin(np.arange(n_rows), rows) for rows in held)
-        restitution = string_restitution(marionette, at)
+        restitution = string_restitution(marionette, evaluation)
         self.screws = Screws(marionette, before)
         screws_after = Screws(marionette, before.replace(v_D=after.v_D))
         scale = max(1.0, float(np.max(np.abs(before.v_D))), float(np.max(np.abs(after.v_D))))
         self._rest_speed = TOLERANCES.speed * scale
         row_derivatives = row_derivatives_at(marionette, before)
-        hdot_after = at.hdot + row_derivatives["A_D"] @ (after.v_D - before.v_D)
-        obeys_law = np.abs(hdot_after + restitution * at.hdot) <= VELOCITY_TOLERANCE * scale
-        closed = np.abs(at.h) <= ROW_TOLERANCES.start_gap * marionette.row_scales(
+        hdot_after = evaluation.hdot + row_derivatives["A_D"] @ (after.v_D - before.v_D)
+        obeys_law = np.abs(hdot_after + restitution * evaluation.hdot) <= VELOCITY_TOLERANCE * scale
+        is_closed = np.abs(evaluation.h) <= ROW_TOLERANCES.start_gap * marionette.row_scales(
             before.q_D, before.q_K
         )
         self.rows = np.flatnonzero(
-            ((taut_before | taut_after | closed) & obeys_law) | marionette.two_sided
+            ((taut_before | taut_after | is_closed) & obeys_law) | marionette.two_sided
         )
-        points, idle = self._points(screws_after, VELOCITY_TOLERANCE * scale)
-        kick, own, points = self._solve(points, (1.0 + restitution) * at.hdot)
+        points, open_points = self._points(screws_after, VELOCITY_TOLERANCE * scale)
+        velocity_jump, row_impulse, points = self._solve(
+            points, (1.0 + restitution) * evaluation.hdot
+        )
         impulse = np.zeros(n_rows)
-        impulse[self.rows] = own
-        self.screws_after = Screws(marionette, before.replace(v_D=before.v_D + kick))
-        points = self._after_impact(points)
-        struck = [p for p in points if normal_speed(self.screws, p) < -self._rest_speed]
-        fast = np.max(np.abs(at.hdot[self.rows]), initial=0.0)
-        caught = [
-            r for r in self.rows if not taut_before[r] and at.hdot[r] > RELATIVE_ROUNDING * fast
+        impulse[self.rows] = row_impulse
+        self.screws_after = Screws(marionette, before.replace(v_D=before.v_D + velocity_jump))
+        points = self._with_velocities_after(points)
+        struck_points = [p for p in points if normal_speed(self.screws, p) < -self._rest_speed]
+        max_speed = np.max(np.abs(evaluation.hdot[self.rows]), initial=0.0)
+        caught_rows = [
+            r
+            for r in self.rows
+            if not taut_before[r] and evaluation.hdot[r] > RELATIVE_ROUNDING * max_speed
         ]
-        guards = [Guard.of_point(self.screws, p) for p in struck]
-        guards += [Guard.of_row(row_derivatives, int(r), at.hdot[r]) for r in caught]
+        guards = [Guard.of_point(self.screws, p) for p in struck_points]
+        guards += [Guard.of_row(row_derivatives, int(r), evaluation.hdot[r]) for r in caught_rows]
         row_names = marionette.tree.row_names
-        names = (*dict.fromkeys(p.name for p in struck), *(row_names[r] for r in caught))
+        names = (
+            *dict.fromkeys(p.name for p in struck_points),
+            *(row_names[r] for r in caught_rows),
+        )
         edges = closed_without_force(
-            self.screws_after, points, idle, self._rest_speed
-        ) + _edge_cases(points)
-        near = closed & ~taut_before & (at.hdot > -ROW_TOLERANCES.rest_speed)
-        near[self.rows] = False
-        edges += [f"{row_names[r]}: at its bound" for r in np.flatnonzero(near)]
+            self.screws_after, points, open_points, self._rest_speed
+        ) + _edge_texts(points)
+        is_near = is_closed & ~taut_before & (evaluation.hdot > -ROW_TOLERANCES.rest_speed)
+        is_near[self.rows] = False
+        edges += [f"{row_names[r]}: at its bound" for r in np.flatnonzero(is_near)]
         self.saltation = Saltation(
             marionette,
             before,
-            at,
+            evaluation,
             self.rows,
             points,
             restitution,
-            kick,
+            velocity_jump,
             impulse,
             guards,
             names,
@@ -124,8 +131,8 @@ class _Impact:
         """Points whose normal velocity after the impact obeys the law, and the other ones."""
         marionette = self._marionette
         assert marionette.contacts is not None
-        taking_part: list[HeldPoint] = []
-        idle: list[tuple[str, PairGeometry, int, float]] = []
+        held_points: list[HeldPoint] = []
+        open_points: list[tuple[str, PairGeometry, int, float]] = []
         for pair in geometries(marionette, self.screws, self._before):
             name = pair_name(marionette.contacts.names[pair.pair])
             mu = float(marionette.contacts.friction[pair.pair])
@@ -135,59 +142,61 @@ class _Impact:
                     continue
                 n = values[4:]
                 u, v = (pair.velocity(s, values[1:4]) for s in (self.screws, screws_after))
-                strikes = n @ u < -self._rest_speed
-                target = -e * (n @ u) if strikes else 0.0
+                is_struck = n @ u < -self._rest_speed
+                target = -e * (n @ u) if is_struck else 0.0
                 if abs(n @ v - target) > tolerance:
-                    idle.append((name, pair, feature, float(n @ v)))
+                    open_points.append((name, pair, feature, float(n @ v)))
                     continue
-                across = v - n * (n @ v)
-                speed = float(np.linalg.norm(across))
-                slides = mu == 0.0 or speed > MIN_SLIDING_SPEED * self._rest_speed
-                along = across / speed if slides and mu > 0.0 else np.zeros(3)
-                mode = ContactMode.SLIDE if slides else ContactMode.STICK
-                mode_point = PointMode(
-                    name, pair.pair, feature, mode, mu, along, slides and mu > 0.0
+                tangential = v - n * (n @ v)
+                speed = float(np.linalg.norm(tangential))
+                is_sliding = mu == 0.0 or speed > MIN_SLIDING_SPEED * self._rest_speed
+                along = tangential / speed if is_sliding and mu > 0.0 else np.zeros(3)
+                mode = ContactMode.SLIDE if is_sliding else ContactMode.STICK
+                point_mode = PointMode(
+                    name, pair.pair, feature, mode, mu, along, is_sliding and mu > 0.0
                 )
-                held_point = HeldPoint.of(mode_point, pair.touch(feature), np.zeros(3), v)
-                taking_part.append(replace(held_point, bounces=e if strikes else 0.0))
-        return taking_part, idle
+                held_point = HeldPoint.in_mode(point_mode, pair.touch(feature), np.zeros(3), v)
+                held_points.append(replace(held_point, restitution=e if is_struck else 0.0))
+        return held_points, open_points
 
     def _solve(
-        self, points: list[HeldPoint], stopped: Array
+        self, points: list[HeldPoint], row_closing_speed: Array
     ) -> tuple[Array, Array, list[HeldPoint]]:
         """Change of velocity v+ - v-, impulses of rows, and pushing points with their impulses."""
         zeros, marionette = np.zeros((len(self._before.v_D), 1)), self._marionette
         while True:
             rows = ContactRows(self.screws, points, 0.0)
             # -u along held directions; with the rebound e of struck normals.
-            closing = rows.rows @ self._before.v_D + self._driven(points)
-            first = np.cumsum([0, *(len(p.directions) for p in points)])[:-1].astype(int)
-            for k, point in zip(first, points, strict=True):
-                closing[k] *= 1.0 + point.bounces
+            point_closing_speed = rows.rows @ self._before.v_D + self._driven_closing_speed(points)
+            first_multiplier = np.cumsum([0, *(len(p.directions) for p in points)])[:-1].astype(int)
+            for k, point in zip(first_multiplier, points, strict=True):
+                point_closing_speed[k] *= 1.0 + point.restitution
             system = ModeSystem(self._at, self.rows, rows)
-            rate = np.concatenate([stopped[self.rows], closing])[:, None]
-            kick, y = system.solve(zeros, rate)
+            rate = np.concatenate([row_closing_speed[self.rows], point_closing_speed])[:, None]
+            velocity_jump, y = system.solve(zeros, rate)
             y = y[:, 0]
-            own = y[len(self.rows) :]
-            size = float(np.max(np.abs(y), initial=0.0))
-            threshold = -TOLERANCES.force * size
-            loose = (y[: len(self.rows)] < threshold) & ~marionette.two_sided[self.rows]
-            if np.any(loose):
-                self.rows = self.rows[~loose]
+            point_impulses = y[len(self.rows) :]
+            max_impulse = float(np.max(np.abs(y), initial=0.0))
+            threshold = -TOLERANCES.force * max_impulse
+            pushes_row = (y[: len(self.rows)] < threshold) & ~marionette.two_sided[self.rows]
+            if np.any(pushes_row):
+                self.rows = self.rows[~pushes_row]
                 continue
-            pulls = [i for i, k in enumerate(first) if own[k] < threshold]
-            if not pulls:
+            pulling_points = [
+                i for i, k in enumerate(first_multiplier) if point_impulses[k] < threshold
+            ]
+            if not pulling_points:
                 break
-            worst = min(pulls, key=lambda i: own[first[i]])
-            points = [p for i, p in enumerate(points) if i != worst]
-        ends = np.cumsum([len(p.directions) for p in points], dtype=int)
+            most_pulling = min(pulling_points, key=lambda i: point_impulses[first_multiplier[i]])
+            points = [p for i, p in enumerate(points) if i != most_pulling]
+        last_multiplier = np.cumsum([len(p.directions) for p in points], dtype=int)
         forces = [
-            replace(p, force=p.pushes.T @ own[a:b])
-            for p, a, b in zip(points, first, ends, strict=True)
+            replace(p, force=p.pushes.T @ point_impulses[a:b])
+            for p, a, b in zip(points, first_multiplier, last_multiplier, strict=True)
         ]
-        return kick[:, 0], y[: len(self.rows)], forces
+        return velocity_jump[:, 0], y[: len(self.rows)], forces
 
-    def _driven(self, points: Sequence[HeldPoint]) -> Array:
+    def _driven_closing_speed(self, points: Sequence[HeldPoint]) -> Array:
         """Part of -u (k,) from driven solids, along the held directions."""
         parts = []
         for point in points:
@@ -199,7 +208,7 @@ class _Impact:
             parts.append(-point.directions @ u)
         return np.concatenate([np.zeros(0), *parts])
 
-    def _after_impact(self, points: Sequence[HeldPoint]) -> list[HeldPoint]:
+    def _with_velocities_after(self, points: Sequence[HeldPoint]) -> list[HeldPoint]:
         """The points with the velocities after the impact."""
         out = []
         for point in points:
@@ -209,15 +218,18 @@ class _Impact:
         return out
 
 
-def _edge_cases(points: Sequence[HeldPoint]) -> list[str]:
+def _edge_texts(points: Sequence[HeldPoint]) -> list[str]:
     """Points at the edge of their friction cone, or without an impulse, in words."""
     size = max((float(np.linalg.norm(p.force)) for p in points), default=0.0)
-    out = []
+    texts = []
     for p in points:
         normal = float(p.touch.normal @ p.force)
-        across = float(np.linalg.norm(p.force - normal * p.touch.normal))
+        tangential = float(np.linalg.norm(p.force - normal * p.touch.normal))
         if normal <= TOLERANCES.force * size:
-            out.append(f"{p.name}: touches without force")
-        elif p.mode is ContactMode.STICK and across > (1.0 - TOLERANCES.cone) * p.friction * normal:
-            out.append(f"{p.name}: sticks at the edge of its cone")
-    return out
+            texts.append(f"{p.name}: touches without force")
+        elif (
+            p.mode is ContactMode.STICK
+            and tangential > (1.0 - TOLERANCES.cone) * p.friction * normal
+        ):
+            texts.append(f"{p.name}: sticks at the edge of its cone")
+    return texts

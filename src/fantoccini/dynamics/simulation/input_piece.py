@@ -13,7 +13,7 @@ from fantoccini.base import N_COEF, Array, shifted
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import Input, InputDerivative, Inputs, constants
 
-_POWERS = np.arange(N_COEF)
+_EXPONENTS = np.arange(N_COEF)
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,19 +34,19 @@ class InputVariation:
     p: Array
 
     @classmethod
-    def none(cls, marionette: Marionette, m: int) -> InputVariation:
+    def zeros(cls, marionette: Marionette, m: int) -> InputVariation:
         """Zero changes of m columns."""
         t = marionette.coordinates
         sizes = (t.n_vK, t.n_vK, t.n_vK, t.n_vD, len(marionette.p))
         return cls(*(np.zeros((size, m)) for size in sizes))
 
-    def widened(self, more: int) -> InputVariation:
-        """The changes, with ``more`` additional columns of zeros."""
+    def widened(self, n_extra: int) -> InputVariation:
+        """The changes, with ``n_extra`` additional columns of zeros."""
         parts = (self.q_K, self.v_K, self.acc_K, self.u_D, self.p)
-        out = [np.zeros((len(part), part.shape[1] + more)) for part in parts]
-        for wide, part in zip(out, parts, strict=True):
-            wide[:, : part.shape[1]] = part
-        return InputVariation(*out)
+        widened = [np.zeros((len(part), part.shape[1] + n_extra)) for part in parts]
+        for target, part in zip(widened, parts, strict=True):
+            target[:, : part.shape[1]] = part
+        return InputVariation(*widened)
 
 
 class InputPiece:
@@ -76,14 +76,14 @@ class InputPiece:
         The columns are derivatives with respect to the start state (all 0) and parameters, towards
         the other inputs, and along the derivatives.
         """
-        out, n, m = self._variation, len(self._variation.q_K), self.powers.shape[2]
+        variation, n, m = self._variation, len(self._variation.q_K), self.powers.shape[2]
         if m:
             s = (min(max(t, self.start), self.end) - self.start) / (self.end - self.start)
-            array = np.tensordot(s**_POWERS, self.powers, axes=1)
-            parts = (out.q_K, out.v_K, out.acc_K, out.u_D)
-            for change, values in zip(parts, np.split(array, [n, 2 * n, 3 * n]), strict=True):
-                change[:, -m:] = values
-        return out
+            array = np.tensordot(s**_EXPONENTS, self.powers, axes=1)
+            fields = (variation.q_K, variation.v_K, variation.acc_K, variation.u_D)
+            for field, values in zip(fields, np.split(array, [n, 2 * n, 3 * n]), strict=True):
+                field[:, -m:] = values
+        return variation
 
 
 class InputChanges:
@@ -109,40 +109,49 @@ class InputChanges:
         along: Sequence[InputDerivative],
     ):
         table, n_p = marionette.coordinates, len(marionette.p)
-        self.inputs, self._own = inputs, Inputs.of([inputs])
-        self._toward = toward
+        self.inputs, self._inputs_as_batch = inputs, Inputs.stack([inputs])
+        self._other_inputs = toward
         # Neighbouring derivatives with the same breaks are evaluated together.
-        alike = groupby(along, key=lambda item: item.breaks.tobytes())
-        groups = [list(group) for _, group in alike]
-        self._along = [(g[0].breaks[None], np.array([item.coef for item in g])) for g in groups]
-        breaks = [self._own.breaks, *(array for array, _ in self._along)]
+        by_breaks = groupby(along, key=lambda item: item.breaks.tobytes())
+        groups = [list(group) for _, group in by_breaks]
+        self._derivative_groups = [
+            (g[0].breaks[None], np.array([item.coef for item in g])) for g in groups
+        ]
+        breaks = [self._inputs_as_batch.breaks, *(array for array, _ in self._derivative_groups)]
         breaks += [] if toward is None else [toward.breaks]
         self.breaks = np.unique(np.concatenate([array.ravel() for array in breaks]))
-        self._turns = np.setdiff1d(np.arange(table.n_vK), [v for _, v in table.scalars_K])
-        first = 2 * table.n_vD + n_p
-        self.columns = first + (0 if toward is None else len(toward)) + len(along)
-        self._variation = InputVariation.none(marionette, self.columns)
-        self._variation.p[:, first - n_p : first] = np.eye(n_p)
+        self._rotation_columns = np.setdiff1d(
+            np.arange(table.n_vK), [v for _, v in table.scalars_K]
+        )
+        first_column = 2 * table.n_vD + n_p
+        self.columns = first_column + (0 if toward is None else len(toward)) + len(along)
+        self._variation = InputVariation.zeros(marionette, self.columns)
+        self._variation.p[:, first_column - n_p : first_column] = np.eye(n_p)
 
     def piece(self, start: float, end: float) -> InputPiece:
         """Piece between two times [s]; there must be no break between them."""
         n_v, n = len(self._variation.v_K), len(self._variation.u_D)
         motion_coef, force_coef = [np.zeros((0, n_v, N_COEF))], [np.zeros((0, n, N_COEF))]
-        if self._toward is not None:
-            own, other = (
-                _powers_from_start(item, start, end) for item in (self._own, self._toward)
+        if self._other_inputs is not None:
+            own_powers, other_powers = (
+                _powers_from_start(item, start, end)
+                for item in (self._inputs_as_batch, self._other_inputs)
             )
-            motion_coef.append(other[0] - own[0])
-            motion_coef[-1][:, self._turns] = 0.0
-            force_coef.append(np.broadcast_to(other[1] - own[1], (len(other[0]), n, N_COEF)))
-        for breaks, coef in self._along:
+            motion_coef.append(other_powers[0] - own_powers[0])
+            motion_coef[-1][:, self._rotation_columns] = 0.0
+            force_coef.append(
+                np.broadcast_to(other_powers[1] - own_powers[1], (len(other_powers[0]), n, N_COEF))
+            )
+        for breaks, coef in self._derivative_groups:
             motion_coef.append(_shifted_to_start(breaks, coef, start, end))
             force_coef.append(np.zeros((len(coef), n, N_COEF)))
-        powers = in_powers(np.concatenate(motion_coef), np.concatenate(force_coef), end - start)
+        powers = powers_of_time(
+            np.concatenate(motion_coef), np.concatenate(force_coef), end - start
+        )
         return InputPiece(self._variation, one_piece(self.inputs, start, end), powers, start, end)
 
 
-def in_powers(motion_coef: Array, force_coef: Array, duration: float) -> Array:
+def powers_of_time(motion_coef: Array, force_coef: Array, duration: float) -> Array:
     """Changes of q_K, v_K, acc_K and u_D, (6, 3 n_vK + n_vD, m), as in :class:`InputPiece`.
 
     Args:
@@ -150,10 +159,10 @@ def in_powers(motion_coef: Array, force_coef: Array, duration: float) -> Array:
         force_coef: (m, n_vD, 6) changes of u_D.
         duration: duration of the piece [s].
     """
-    q_K, u_D = motion_coef * duration**_POWERS, force_coef * duration**_POWERS
+    q_K, u_D = motion_coef * duration**_EXPONENTS, force_coef * duration**_EXPONENTS
     v_K, acc_K = np.zeros_like(q_K), np.zeros_like(q_K)
-    v_K[..., :-1] = q_K[..., 1:] * (_POWERS[1:] / duration)
-    acc_K[..., :-1] = v_K[..., 1:] * (_POWERS[1:] / duration)
+    v_K[..., :-1] = q_K[..., 1:] * (_EXPONENTS[1:] / duration)
+    acc_K[..., :-1] = v_K[..., 1:] * (_EXPONENTS[1:] / duration)
     return np.concatenate([q_K, v_K, acc_K, u_D], axis=1).transpose(2, 1, 0)
 
 
@@ -178,16 +187,16 @@ def _shifted_to_start(breaks: Array, coef: Array, start: float, end: float) -> A
     """
     n, n_seg = coef.shape[:2]
     breaks = np.broadcast_to(breaks, (n, n_seg + 1))
-    first, last, every = breaks[:, 0], breaks[:, -1], np.arange(n)
+    first, last, rows = breaks[:, 0], breaks[:, -1], np.arange(n)
     middle = 0.5 * (start + end)
-    here = np.clip(middle, first, last)
+    clipped = np.clip(middle, first, last)
     last_piece = (np.diff(breaks) > 0.0).sum(axis=1) - 1  # pieces at the end may have no duration
-    i = np.minimum((breaks[:, :-1] <= here[:, None]).sum(axis=1) - 1, last_piece)
-    held = (middle < first) | (middle > last)
-    at = np.where(held, here, start) - breaks[every, i]
-    array = shifted(coef[every, i], at)
-    array[held, :, 1:] = 0.0
-    return array
+    i = np.minimum((breaks[:, :-1] <= clipped[:, None]).sum(axis=1) - 1, last_piece)
+    is_outside = (middle < first) | (middle > last)
+    time_in_piece = np.where(is_outside, clipped, start) - breaks[rows, i]
+    shifted_coef = shifted(coef[rows, i], time_in_piece)
+    shifted_coef[is_outside, :, 1:] = 0.0
+    return shifted_coef
 
 
 def one_piece(inputs: Input, start: float, end: float) -> Input:

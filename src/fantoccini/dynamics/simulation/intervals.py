@@ -18,8 +18,8 @@ from fantoccini.dynamics.marionette import Marionette
 from fantoccini.dynamics.simulation.input_piece import (
     InputPiece,
     InputVariation,
-    in_powers,
     one_piece,
+    powers_of_time,
 )
 from fantoccini.dynamics.simulation.run_changes import RunChanges, check_differentiable
 from fantoccini.dynamics.simulation.saltation import Passage
@@ -79,17 +79,19 @@ def interval_derivatives(
     check_positive(rtol=rtol, atol=atol)
     table = marionette.coordinates
     n, k, n_p = table.n_vD, table.n_vK, len(marionette.p)
-    at = np.searchsorted(run.t, inputs.breaks + _SAME_TIME, side="right") - 1
-    _check(marionette, run, inputs, run.t[np.maximum(at, 0)])
+    sample_at_break = np.searchsorted(run.t, inputs.breaks + _SAME_TIME, side="right") - 1
+    _check(marionette, run, inputs, run.t[np.maximum(sample_at_break, 0)])
     check_differentiable(run)
     changes = _IntervalChanges(marionette, inputs)
     changes_along = RunChanges(run, changes, Variation(marionette, rtol, atol))
-    N = len(at) - 1
+    N = len(sample_at_break) - 1
     A, B, C = (np.zeros((N, 2 * (n + k), m)) for m in (2 * (n + k), k, n_p))
     passages = []
     for i, T in enumerate(np.diff(inputs.breaks)):
         first = len(changes_along.passages)
-        *_, (_, Z) = changes_along.samples(np.zeros(0), int(at[i]), int(at[i + 1]))
+        *_, (_, Z) = changes_along.samples(
+            np.zeros(0), int(sample_at_break[i]), int(sample_at_break[i + 1])
+        )
         by_z, C[i, : 2 * n], by_K, B[i, : 2 * n] = np.split(
             Z, [2 * n, 2 * n + n_p, 2 * n + n_p + 2 * k], axis=1
         )
@@ -132,18 +134,18 @@ class _IntervalChanges:
         self.inputs, self.breaks = inputs, inputs.breaks
         k, n_p, first = table.n_vK, len(marionette.p), 2 * table.n_vD
         self.columns = first + n_p + 3 * k
-        self._variation = InputVariation.none(marionette, self.columns)
+        self._variation = InputVariation.zeros(marionette, self.columns)
         self._variation.p[:, first : first + n_p] = np.eye(n_p)
-        self._moved = np.zeros((3, k, k, N_COEF))
+        self._unit_coef = np.zeros((3, k, k, N_COEF))
         for power, size in enumerate((1.0, 1.0, 0.5)):
-            self._moved[power, :, :, power] = size * np.eye(k)
+            self._unit_coef[power, :, :, power] = size * np.eye(k)
 
     def piece(self, start: float, end: float) -> InputPiece:
         """Piece between two times with no break between them [s]."""
         i = np.searchsorted(self.breaks, 0.5 * (start + end), side="right") - 1
-        k, n = self._moved.shape[1], len(self._variation.u_D)
+        k, n = self._unit_coef.shape[1], len(self._variation.u_D)
         delay = np.full(3 * k, start - self.breaks[i])
-        moved = shifted(self._moved.reshape(3 * k, k, N_COEF), delay)
-        powers = in_powers(moved, np.zeros((3 * k, n, N_COEF)), end - start)
+        coef = shifted(self._unit_coef.reshape(3 * k, k, N_COEF), delay)
+        powers = powers_of_time(coef, np.zeros((3 * k, n, N_COEF)), end - start)
         piece = one_piece(self.inputs, start, end)
         return InputPiece(self._variation, piece, powers, start, end)

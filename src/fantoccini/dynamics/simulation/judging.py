@@ -15,13 +15,13 @@ from fantoccini.dynamics.steppers import (
     Overlap,
     decide,
     deepest,
-    excused,
-    fault,
-    swings,
+    excused_share,
+    fault_of_run,
+    springs_swing,
 )
 from fantoccini.motion import Columns, Trajectory, pair_name
 
-_PIECE = 1024
+_CHUNK_SIZE = 1024
 """Number of samples of a ledger that are checked at once."""
 
 
@@ -44,11 +44,17 @@ def violations_after_last_step(marionette: Marionette, q_D: Array, q_K: Array) -
     h[marionette.two_sided] = np.abs(h[marionette.two_sided])
     h[np.isfinite(marionette.max_forces)] = 0.0
     names = [*(s.name for s in tree.strings), *(limit.name for limit in tree.limits)]
-    rows = {name: float(x) for name, x in zip(names, h, strict=True) if x > BOUNDS.max_violation}
-    return rows | marionette.overlaps(q_D, q_K, BOUNDS.max_violation)
+    row_violations = {
+        name: float(violation)
+        for name, violation in zip(names, h, strict=True)
+        if violation > BOUNDS.max_violation
+    }
+    return row_violations | marionette.overlaps(q_D, q_K, BOUNDS.max_violation)
 
 
-def judged(marionette: Marionette, run: Trajectory, dt: float, worst: float) -> tuple[Status, str]:
+def fixed_step_verdict(
+    marionette: Marionette, run: Trajectory, dt: float, worst: float
+) -> tuple[Status, str]:
     """Status of a run with fixed steps that reached its end, and the reason in words.
 
     Args:
@@ -60,19 +66,21 @@ def judged(marionette: Marionette, run: Trajectory, dt: float, worst: float) -> 
     ledger, table = run.ledger, run.violation
     if table is None:
         return Status.DONE, ""
-    fast = ends_fast(run.v_D[-1], dt)
+    is_fast = ends_fast(run.v_D[-1], dt)
     after_last_step = (
-        violations_after_last_step(marionette, run.q_D[-1], run.q_K[-1]) if fast else {}
+        violations_after_last_step(marionette, run.q_D[-1], run.q_K[-1]) if is_fast else {}
     )
-    largest = max([float(np.max(table.values, initial=worst)), *after_last_step.values()])
+    max_violation = max([float(np.max(table.values, initial=worst)), *after_last_step.values()])
     start = {name: ledger[name][0] for name in ledger.names}
     check = LedgerCheck(marionette, dt, start, run.t[0])
     shares = _shares(check, ledger, run.t)
     gain = float(check.gain)
-    share = excused(
-        run.method, float(check.share), lambda: swings(marionette, run.q_D[0], run.q_K[0], dt)
+    share = excused_share(
+        run.method,
+        float(check.share),
+        lambda: springs_swing(marionette, run.q_D[0], run.q_K[0], dt),
     )
-    status = fault(largest, gain, share)
+    status = fault_of_run(max_violation, gain, share)
     advice = _advice(marionette, run, dt)
     if status is Status.OVERSTEPPED:
         message = _violation_message(run, worst, after_last_step)
@@ -89,13 +97,13 @@ def judged(marionette: Marionette, run: Trajectory, dt: float, worst: float) -> 
     if status is Status.UNBALANCED:
         increments = np.diff(ledger["residual"])
         k = int(np.argmax(np.abs(increments)))
-        turn = dt * float(np.max(np.abs(run.v_D[k : k + 2])))
-        first = run.t[int(np.argmax(~(shares <= BOUNDS.max_unbalanced)))]
+        move = dt * float(np.max(np.abs(run.v_D[k : k + 2])))
+        first_time = run.t[int(np.argmax(~(shares <= BOUNDS.max_unbalanced)))]
         text = (
             f"the ledger's residual reached {100 * share:.2g} % of the energy exchanged, more than "
-            f"{100 * BOUNDS.max_unbalanced:g} % from t = {first:.6g} s on; most of it, "
+            f"{100 * BOUNDS.max_unbalanced:g} % from t = {first_time:.6g} s on; most of it, "
             f"{increments[k]:.3g} J, arose from t = {run.t[k]:.6g} to {run.t[k + 1]:.6g} s, where "
-            f"a coordinate moves by {turn:.2g} rad or m in a step. {advice}"
+            f"a coordinate moves by {move:.2g} rad or m in a step. {advice}"
         )
         return status, text
     return status, ""
@@ -104,17 +112,17 @@ def judged(marionette: Marionette, run: Trajectory, dt: float, worst: float) -> 
 def _shares(check: LedgerCheck, ledger: Columns, t: Times) -> Array:
     """(T,) shares of all samples of a run, added to its check in pieces, which need less memory."""
     shares: list[Array] = []
-    for k in range(1, max(2, len(t)), _PIECE):
-        columns = {name: ledger[name][k : k + _PIECE] for name in ledger.names}
-        new = check.add(columns, t[k : k + _PIECE])
+    for k in range(1, max(2, len(t)), _CHUNK_SIZE):
+        columns = {name: ledger[name][k : k + _CHUNK_SIZE] for name in ledger.names}
+        new_shares = check.add(columns, t[k : k + _CHUNK_SIZE])
         # The first is the last of the piece before, whose damping is available only now.
-        shares = [*shares[:-1], *(last[:-1] for last in shares[-1:]), new]
+        shares = [*shares[:-1], *(previous[:-1] for previous in shares[-1:]), new_shares]
     return np.concatenate(shares)
 
 
 def with_verdict(marionette: Marionette, run: Trajectory, dt: float) -> Trajectory:
     """A run with fixed steps whose status is its verdict, by violations at its samples alone."""
-    status = decide(run.status, None, [lambda: judged(marionette, run, dt, 0.0)]).status
+    status = decide(run.status, None, [lambda: fixed_step_verdict(marionette, run, dt, 0.0)]).status
     return run if status is run.status else dataclasses.replace(run, status=status)
 
 
@@ -122,14 +130,19 @@ def prescribed_verdict(overlaps: tuple[Overlap, ...]) -> tuple[Status, str]:
     """Status and error message of a run whose inputs move solids through one another."""
     if not deepest(overlaps):
         return Status.DONE, ""
-    worst: dict[tuple[str, str], Overlap] = {}
+    deepest_by_pair: dict[tuple[str, str], Overlap] = {}
     for overlap in overlaps:
-        if overlap.names not in worst or overlap.depth > worst[overlap.names].depth:
-            worst[overlap.names] = overlap
-    named = sorted(worst.values(), key=lambda overlap: -overlap.depth)[: BOUNDS.max_named]
-    listed = "; ".join(str(overlap) for overlap in named if deepest((overlap,)))
+        if (
+            overlap.names not in deepest_by_pair
+            or overlap.depth > deepest_by_pair[overlap.names].depth
+        ):
+            deepest_by_pair[overlap.names] = overlap
+    listed_overlaps = sorted(deepest_by_pair.values(), key=lambda overlap: -overlap.depth)[
+        : BOUNDS.max_named
+    ]
+    texts = "; ".join(str(overlap) for overlap in listed_overlaps if deepest((overlap,)))
     return Status.OVERSTEPPED, (
-        f"{listed}. Both follow the inputs, so that no force parts them: move the driven "
+        f"{texts}. Both follow the inputs, so that no force parts them: move the driven "
         "coordinates otherwise, or let the two pass through one another by contact.pairs with "
         "meet: false"
     )
@@ -139,17 +152,17 @@ def _violation_message(run: Trajectory, worst: float, after_last_step: dict[str,
     """Violated rows or parts, their violations, and the time of the first, in words."""
     table = run.violation
     assert table is not None
-    largest = np.max(table.values, axis=0)
+    max_by_row = np.max(table.values, axis=0)
     rows = [
         r
-        for r in np.argsort(-largest)[: BOUNDS.max_named]
-        if not largest[r] <= BOUNDS.max_violation
+        for r in np.argsort(-max_by_row)[: BOUNDS.max_named]
+        if not max_by_row[r] <= BOUNDS.max_violation
     ]
     if rows:
-        names = ", ".join(f"{table.names[r]} by {largest[r]:.3g}" for r in rows)
+        names = ", ".join(f"{table.names[r]} by {max_by_row[r]:.3g}" for r in rows)
         first = int(np.argmax(~(np.max(table.values, axis=1, initial=0.0) <= BOUNDS.max_violation)))
-        when = f"from t = {run.t[first]:.6g} s on"
-        return f"{names} m or rad, more than {BOUNDS.max_violation:g} {when}"
+        since = f"from t = {run.t[first]:.6g} s on"
+        return f"{names} m or rad, more than {BOUNDS.max_violation:g} {since}"
     if not worst <= BOUNDS.max_violation:
         if run.contact is not None and -run.contact.gap.min(initial=0.0) > 0.0:
             deepest = int(np.argmin(run.contact.gap))
@@ -162,10 +175,11 @@ def _violation_message(run: Trajectory, worst: float, after_last_step: dict[str,
 
 def _advice(marionette: Marionette, run: Trajectory, dt: float) -> str:
     start = run.q_D[0], run.q_K[0], run.tension.values[0]
-    longest = critical_step_of_tensions(marionette, *start)
-    if dt <= longest:
+    critical_dt = critical_step_of_tensions(marionette, *start)
+    if dt <= critical_dt:
         return f"Use a dt shorter than {dt:g} s"
     return (
-        f"The tensions at the start cause growing vibrations in steps above {longest:.2g} s: use "
+        f"The tensions at the start cause growing vibrations in steps above {critical_dt:.2g} s: "
+        "use "
         f"a shorter dt than {dt:g} s"
     )

@@ -51,8 +51,8 @@ class Pace:
 
     def __init__(self, t: float, t_end: float, limit: float | None, cause: Callable[[], str]):
         self._began = time.perf_counter()
-        self._t_end, self._limit, self._cause = t_end, limit, cause
-        self._marks = deque([(0.0, t)])
+        self._t_end, self._limit, self._cause_text = t_end, limit, cause
+        self._progress_marks = deque([(0.0, t)])
         self._has_warned = False
 
     @property
@@ -60,34 +60,40 @@ class Pace:
         return time.perf_counter() - self._began
 
     @property
-    def late(self) -> bool:
+    def is_over_limit(self) -> bool:
         """Whether the limit is reached."""
         return self._limit is not None and self.seconds > self._limit
 
-    def note(self, t: float) -> None:
+    def report_time(self, t: float) -> None:
         """Records the time reached [s]; warns once if the end is far away at this pace."""
-        now, marks = self.seconds, self._marks
+        now, marks = self.seconds, self._progress_marks
         marks.append((now, t))
         while len(marks) > 2 and now - marks[1][0] > LIMITS.pace_time:
             marks.popleft()
         if self._has_warned or now < LIMITS.first_check:
             return
-        spent, done = now - marks[0][0], t - marks[0][1]
-        left = (self._t_end - t) * spent / done if done > 0.0 else np.inf
-        if left <= LIMITS.max_remaining:
+        computing_time, motion_time = now - marks[0][0], t - marks[0][1]
+        remaining = (
+            (self._t_end - t) * computing_time / motion_time if motion_time > 0.0 else np.inf
+        )
+        if remaining <= LIMITS.max_remaining:
             return
         self._has_warned = True
-        takes = "does not come nearer to" if left == np.inf else f"needs {left:.2g} s more to"
+        forecast = (
+            "does not come nearer to" if remaining == np.inf else f"needs {remaining:.2g} s more to"
+        )
         warnings.warn(
-            f"after {now:.1f} s of computing the run is at t = {t:.6g} s and {takes} its end at "
-            f"{self._t_end:g} s: {self._cause()}. method='timestepping' steps over events "
+            f"after {now:.1f} s of computing the run is at t = {t:.6g} s and {forecast} its end at "
+            f"{self._t_end:g} s: {self._cause_text()}. method='timestepping' steps over events "
             "this fast, at less accuracy; time_limit bounds the computing time",
             SlowRunWarning,
             stacklevel=4,
         )
 
 
-def chatter(t: Times, contact: ContactPoints | None, events: Iterable[EventRecord]) -> str:
+def short_steps_message(
+    t: Times, contact: ContactPoints | None, events: Iterable[EventRecord]
+) -> str:
     """Text on the cause of a run's short last steps: their events and contacts.
 
     Args:
@@ -104,8 +110,8 @@ def chatter(t: Times, contact: ContactPoints | None, events: Iterable[EventRecor
         frequent = counts.most_common(LIMITS.max_named)
         text += ", with events of " + ", ".join(f"{name} ({n})" for name, n in frequent)
     if contact is not None:
-        pushing = contact.subset(contact.sample >= first)
-        pairs = Counter(pair_name(contact.names[k]) for k in pushing.pair.tolist())
+        loaded = contact.subset(contact.sample >= first)
+        pairs = Counter(pair_name(contact.names[k]) for k in loaded.pair.tolist())
         names = [name for name, _ in pairs.most_common(LIMITS.max_named) if name not in counts]
         if names:
             text += f", while {', '.join(names)} {'touches' if len(names) == 1 else 'touch'}"

@@ -30,8 +30,8 @@ from fantoccini.dynamics.compiled import (
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.dynamics.simulation.checks import check_marionette, check_one_run, save_times
 from fantoccini.dynamics.simulation.effort_of_contacts import contact_effort
-from fantoccini.dynamics.simulation.judging import judged, prescribed_verdict
-from fantoccini.dynamics.simulation.pace import Pace, chatter
+from fantoccini.dynamics.simulation.judging import fixed_step_verdict, prescribed_verdict
+from fantoccini.dynamics.simulation.pace import Pace, short_steps_message
 from fantoccini.dynamics.simulation.weak_motors import weak_motors_message
 from fantoccini.dynamics.steppers import (
     CONTRADICTION_STATUSES,
@@ -43,8 +43,8 @@ from fantoccini.dynamics.steppers import (
     ledger_of,
     measuring_times,
     overlap_events,
-    parted,
     prescribed_overlaps,
+    separated,
     undetermined,
 )
 from fantoccini.kernel import contract
@@ -133,12 +133,12 @@ def simulate(
         SimulationError: the run stopped, or with a fixed step violated rows or gained energy;
             the error carries the trajectory so far.
     """
-    chosen = as_method(method)
-    name = chosen.name
+    method_options = as_method(method)
+    name = method_options.name
     check_marionette(marionette)
     check_one_run(x0, inputs)
     options = marionette.run_options(
-        **chosen.options,
+        **method_options.options,
         save_steps=save_at is None,
         max_memory=max_memory,
         save_every=1 if save_every is None else save_every,
@@ -149,7 +149,7 @@ def simulate(
     if time_limit is not None:
         check_positive(time_limit=time_limit)
     bound = bind_input(marionette, inputs, x0.q_K, x0.v_K, x0.t, t_end)
-    x0 = parted(marionette, x0)
+    x0 = separated(marionette, x0)
     check_start(marionette, x0, name)
     check_step(marionette, name, x0.q_D, x0.q_K, options.dt)
     save_at = save_times(save_at, save_every, name, x0.t, t_end)
@@ -157,15 +157,15 @@ def simulate(
     arguments = options, x0, marionette.p, marionette.winches, bound, save_at
     run = Run(marionette.libraries.library_of(name), name, *arguments)
     pieces = list[Piece]()
-    pace = Pace(x0.t, t_end, time_limit, lambda: _chatter_text(marionette, pieces))
-    written, status = _collect(run, x0.t, t_end, progress, pieces, pace)
-    samples, events = written.samples, written.events
+    pace = Pace(x0.t, t_end, time_limit, lambda: _short_steps_text(marionette, pieces))
+    samples_and_events, status = _collect_pieces(run, x0.t, t_end, progress, pieces, pace)
+    samples, events = samples_and_events.samples, samples_and_events.events
     seconds = pace.seconds
 
     def trajectory(samples: Array, events: Array) -> Trajectory:
         return trajectory_of_samples(
             marionette,
-            Piece(samples, events, written.contacts),
+            Piece(samples, events, samples_and_events.contacts),
             status,
             name,
             effort,
@@ -174,37 +174,39 @@ def simulate(
         )
 
     result = trajectory(samples, events)
-    motion, last = _motion_of(result), None
+    motion_at, last_sample = _motion_of(result), None
     if name != "event" and status in ARRIVED:
         # Fixed steps bound the tensions of contradicting strings, or average them.
-        last = first_excess_tension(marionette, result.tension.values, motion)
-    contradicted = None
-    if last is not None or status in CONTRADICTION_STATUSES:
-        contradicted = contradiction(marionette, *motion(len(result) - 1 if last is None else last))
-    if last is not None and contradicted:
-        before = events[:, contract.EVENT_AT["t"]] <= result.t[last]
-        result = trajectory(samples[: last + 1], events[before])
+        last_sample = first_excess_tension(marionette, result.tension.values, motion_at)
+    contradiction_ = None
+    if last_sample is not None or status in CONTRADICTION_STATUSES:
+        contradiction_ = contradiction(
+            marionette, *motion_at(len(result) - 1 if last_sample is None else last_sample)
+        )
+    if last_sample is not None and contradiction_:
+        is_before = events[:, contract.EVENT_AT["t"]] <= result.t[last_sample]
+        result = trajectory(samples[: last_sample + 1], events[is_before])
     overlaps = prescribed_overlaps(
         marionette,
         lambda t: bound.evaluate(t)[0],
         measuring_times(bound.breaks, x0.t, float(result.t[-1])),
     )
     if overlaps:
-        event_arrays = written.events, overlap_events(marionette, overlaps, x0.t)
+        event_arrays = samples_and_events.events, overlap_events(marionette, overlaps, x0.t)
         all_events = np.concatenate(event_arrays)
         all_events = all_events[all_events[:, contract.EVENT_AT["t"]] <= result.t[-1]]
-        events_of = tuple(_event(marionette, event) for event in _in_order(all_events))
-        result = dataclasses.replace(result, events=events_of)
+        records = tuple(_event(marionette, event) for event in _in_order(all_events))
+        result = dataclasses.replace(result, events=records)
     checks: list[Check] = [lambda: prescribed_verdict(overlaps)]
     if name != "event" and result.t[-1] >= t_end:
-        worst = float(run.progress.violation)
-        checks.insert(0, lambda: judged(marionette, result, options.dt, worst))
-    verdict = decide(status, contradicted, checks)
+        max_violation = float(run.progress.violation)
+        checks.insert(0, lambda: fixed_step_verdict(marionette, result, options.dt, max_violation))
+    verdict = decide(status, contradiction_, checks)
     if verdict.status is not status:
-        causes = contradicted.names if contradicted else ()
+        causes = contradiction_.names if contradiction_ else ()
         result = dataclasses.replace(result, status=verdict.status, causes=causes)
     if result.status is not Status.DONE and throw:
-        message = verdict.text or _stop_message(marionette, result, contradicted)
+        message = verdict.text or _stop_message(marionette, result, contradiction_)
         raise SimulationError(result.status, message, result)
     return result
 
@@ -215,41 +217,45 @@ def _motion_of(run: Trajectory) -> Callable[[int], tuple[State, Array]]:
 
 
 def _stop_message(
-    marionette: Marionette, result: Trajectory, contradicted: Contradiction | None = None
+    marionette: Marionette, result: Trajectory, contradiction_: Contradiction | None = None
 ) -> str:
     """Time and cause of a run's stop, in words."""
     text = f"at t = {result.t[-1]:.6g} s"
-    if contradicted:
+    if contradiction_:
         largest = np.max(result.tension.values)
-        return f"{text}: {contradicted}. The largest tension was {largest:.3g} N"
+        return f"{text}: {contradiction_}. The largest tension was {largest:.3g} N"
     if result.status is Status.OUT_OF_TIME:
-        return f"{text}: {chatter(result.t, result.contact, result.events)}"
+        return f"{text}: {short_steps_message(result.t, result.contact, result.events)}"
     if result.status is Status.TOO_MANY_SAMPLES:
         return f"{text} after {len(result)} samples; save fewer with save_at, or allow max_memory"
     if result.causes:
         text += f", because of {', '.join(result.causes)}"
     if result.status is Status.TOO_MANY_EVENTS:
-        text += f": {chatter(result.t, result.contact, result.events)}"
+        text += f": {short_steps_message(result.t, result.contact, result.events)}"
         text += "; method='timestepping' does not stop there"
     if result.status is Status.NO_UNIQUE_MOTION:
         text += f", where {_sliding_pairs(result)} slide"
         text += "; method='timestepping' continues with an impulse"
     text += weak_motors_message(marionette, result)
-    last = result.tension.values[-1]
-    if np.max(last, initial=0.0) > REPORTING.large_tension * marionette.weight:
-        text += f"; the largest tension was {np.max(last):.3g} N"
+    last_tensions = result.tension.values[-1]
+    if np.max(last_tensions, initial=0.0) > REPORTING.large_tension * marionette.weight:
+        text += f"; the largest tension was {np.max(last_tensions):.3g} N"
     lengths = marionette.string_lengths(result.q_D[-1], result.q_K[-1])
     short = lengths < REPORTING.short_length
-    out_of_length = [n for n, is_short in zip(result.tension.names, short, strict=True) if is_short]
-    return text + "".join(f"; {n}.length is nearly 0" for n in out_of_length)
+    spent_strings = [
+        name for name, is_short in zip(result.tension.names, short, strict=True) if is_short
+    ]
+    return text + "".join(f"; {name}.length is nearly 0" for name in spent_strings)
 
 
-def _chatter_text(marionette: CompiledPuppet, pieces: list[Piece]) -> str:
+def _short_steps_text(marionette: CompiledPuppet, pieces: list[Piece]) -> str:
     """Message on the cause of a run's short steps, from the pieces so far."""
-    written = Piece.joined(pieces)
-    t = marionette.sample_layout.split(written.samples)["t"]
-    events = [_event(marionette, event) for event in written.events]
-    return chatter(t, _contact_points(marionette, written.contacts, len(t)), events)
+    samples_so_far = Piece.joined(pieces)
+    t = marionette.sample_layout.split(samples_so_far.samples)["t"]
+    events = [_event(marionette, event) for event in samples_so_far.events]
+    return short_steps_message(
+        t, _contact_points(marionette, samples_so_far.contacts, len(t)), events
+    )
 
 
 def _sliding_pairs(result: Trajectory) -> str:
@@ -257,11 +263,11 @@ def _sliding_pairs(result: Trajectory) -> str:
     contact = result.contact
     if contact is None or not np.any(contact.sample >= len(result) - 3):
         return "solids"
-    near = contact.sample >= len(result) - 3
-    return ", ".join(pair_name(contact.names[k]) for k in np.unique(contact.pair[near]))
+    in_last_samples = contact.sample >= len(result) - 3
+    return ", ".join(pair_name(contact.names[k]) for k in np.unique(contact.pair[in_last_samples]))
 
 
-def _collect(
+def _collect_pieces(
     run: Run,
     start: float,
     t_end: float,
@@ -276,10 +282,10 @@ def _collect(
             t = run.progress.t
             if progress:
                 progress(Progress(done=t - start, total=t_end - start))
-            if pace.late and run.status in (Status.RUNNING, *ARRIVED) and t < t_end:
+            if pace.is_over_limit and run.status in (Status.RUNNING, *ARRIVED) and t < t_end:
                 pieces.append(run.present())
                 return Piece.joined(pieces), Status.OUT_OF_TIME
-            pace.note(t)
+            pace.report_time(t)
         status = run.status
     except KeyboardInterrupt:
         pieces.append(run.present())
@@ -289,7 +295,7 @@ def _collect(
 
 def trajectory_of_samples(
     marionette: Marionette,
-    written: Piece,
+    piece: Piece,
     status: Status,
     method: str,
     with_effort: bool,
@@ -300,7 +306,7 @@ def trajectory_of_samples(
 
     Args:
         marionette: the puppet.
-        written: samples (T, width), events and contact points of the run.
+        piece: samples (T, width), events and contact points of the run.
         status: status of the run.
         method: method of the run.
         with_effort: whether to compute the force on every driven coordinate.
@@ -308,48 +314,50 @@ def trajectory_of_samples(
         seconds: computing time of the run [s].
     """
     tree = marionette.tree
-    part = marionette.sample_layout.split(written.samples)
+    columns = marionette.sample_layout.split(piece.samples)
     n_strings = len(tree.strings)
     strings = tuple(s.name for s in tree.strings)
     limits = tuple(limit.name for limit in tree.limits)
-    tension = part["tension"][:, :n_strings]
-    contact = _contact_points(marionette, written.contacts, len(written.samples))
+    tension = columns["tension"][:, :n_strings]
+    contact = _contact_points(marionette, piece.contacts, len(piece.samples))
     effort = None
     if with_effort:
-        moved = {name: part[name] for name in ("q_D", "v_D", "q_K", "v_K", "acc_D", "acc_K")}
-        force = marionette.effort(**moved, tension=tension)
+        motion = {name: columns[name] for name in ("q_D", "v_D", "q_K", "v_K", "acc_D", "acc_K")}
+        force = marionette.effort(**motion, tension=tension)
         if contact is not None:
-            force = force + contact_effort(marionette, contact, part["q_D"], part["q_K"])
+            force = force + contact_effort(marionette, contact, columns["q_D"], columns["q_K"])
         effort = Columns(marionette.coordinates.v_K, force, "driven velocity")
-    h = marionette.library.evaluate("rows", q_D=part["q_D"], q_K=part["q_K"], p=marionette.p).h
-    h[:, :n_strings] -= part["slip"]
+    h = marionette.library.evaluate(
+        "rows", q_D=columns["q_D"], q_K=columns["q_K"], p=marionette.p
+    ).h
+    h[:, :n_strings] -= columns["slip"]
     violation = np.where(marionette.two_sided, np.abs(h), np.maximum(h, 0.0))
     result = Trajectory(
-        t=part["t"],
-        q_D=part["q_D"],
-        v_D=part["v_D"],
-        acc_D=part["acc_D"],
-        q_K=part["q_K"],
-        v_K=part["v_K"],
-        acc_K=part["acc_K"],
+        t=columns["t"],
+        q_D=columns["q_D"],
+        v_D=columns["v_D"],
+        acc_D=columns["acc_D"],
+        q_K=columns["q_K"],
+        v_K=columns["v_K"],
+        acc_K=columns["acc_K"],
         tension=Columns(strings, tension, "string"),
-        limit_force=Columns(limits, part["tension"][:, n_strings:], "limit"),
-        taut=Columns(strings, np.asarray(part["taut"][:, :n_strings], dtype=bool), "string"),
-        ledger=Columns(LEDGER, ledger_of(part), "entry"),
-        events=tuple(_event(marionette, event) for event in _in_order(written.events)),
+        limit_force=Columns(limits, columns["tension"][:, n_strings:], "limit"),
+        taut=Columns(strings, np.asarray(columns["taut"][:, :n_strings], dtype=bool), "string"),
+        ledger=Columns(LEDGER, ledger_of(columns), "entry"),
+        events=tuple(_event(marionette, event) for event in _in_order(piece.events)),
         status=status,
         method=method,
         coordinates=marionette.coordinates,
-        puppet=marionette.described,
+        puppet=marionette.current_puppet,
         effort=effort,
         violation=Columns(tree.row_names, violation, "string or limit"),
-        slip=Columns(strings, part["slip"], "string"),
+        slip=Columns(strings, columns["slip"], "string"),
         causes=tuple(
             tree.attributable[i] for i in np.flatnonzero(attribution > REPORTING.min_share)
         ),
         seconds=seconds,
         contact=contact,
-        contact_residual=None if contact is None else part["contact_residual"],
+        contact_residual=None if contact is None else columns["contact_residual"],
     )
     if not with_effort:
         return result
@@ -370,8 +378,8 @@ def _in_order(events: Array) -> Array:
 
 def _event(marionette: CompiledPuppet, event: Array) -> EventRecord:
     tree = marionette.tree
-    at = {part.name: float(value) for part, value in zip(contract.EVENT, event, strict=True)}
-    kind, index = _EVENT_KINDS[contract.EventCode(int(at["kind"]))], int(at["row"])
+    fields = {part.name: float(value) for part, value in zip(contract.EVENT, event, strict=True)}
+    kind, index = _EVENT_KINDS[contract.EventCode(int(fields["kind"]))], int(fields["row"])
     if index >= len(tree.strings):
         kind = _LIMIT_KINDS.get(kind, kind)
     name = tree.attributable[index] if 0 <= index < len(tree.attributable) else ""
@@ -379,4 +387,4 @@ def _event(marionette: CompiledPuppet, event: Array) -> EventRecord:
         tables = (marionette.contacts, marionette.prescribed)
         pairs = [names for table in tables if table is not None for names in table.names]
         name = pair_name(pairs[index - len(tree.attributable)])
-    return EventRecord(at["t"], kind, name, at["impulse"], at["speed"])
+    return EventRecord(fields["t"], kind, name, fields["impulse"], fields["speed"])

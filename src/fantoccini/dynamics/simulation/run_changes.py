@@ -12,7 +12,12 @@ import numpy as np
 from fantoccini.base import Array, Indices, StateError, Times
 from fantoccini.dynamics.derivatives import PointMode
 from fantoccini.dynamics.simulation.catch import catch_at
-from fantoccini.dynamics.simulation.contact_pieces import Change, ContactPieces, modes_key, stacked
+from fantoccini.dynamics.simulation.contact_pieces import (
+    Change,
+    ContactPieces,
+    modes_key,
+    state_and_input_changes,
+)
 from fantoccini.dynamics.simulation.impact import impact_at
 from fantoccini.dynamics.simulation.input_piece import InputPiece, InputVariation
 from fantoccini.dynamics.simulation.saltation import Passage
@@ -103,13 +108,13 @@ class RunChanges:
         """
         run, n = self.run, self.marionette.coordinates.n_vD
         columns = self._changes.columns
-        Z, input_change = np.eye(2 * n, columns), InputVariation.none(self.marionette, columns)
+        Z, input_change = np.eye(2 * n, columns), InputVariation.zeros(self.marionette, columns)
         end = len(run.t) - 1 if end is None else end
-        edges = start + np.flatnonzero(np.diff(run.t[start : end + 1]) == 0.0)
-        firsts = np.concatenate([[start], edges + 1])
-        lasts = np.concatenate([edges, [end]])
+        event_samples = start + np.flatnonzero(np.diff(run.t[start : end + 1]) == 0.0)
+        segment_starts = np.concatenate([[start], event_samples + 1])
+        segment_ends = np.concatenate([event_samples, [end]])
         before: tuple[PointMode, ...] = ()
-        for first, last in zip(firsts, lasts, strict=True):
+        for first, last in zip(segment_starts, segment_ends, strict=True):
             mode_ranges = self._contacts.mode_ranges(first, last)
             if first > start:
                 after = mode_ranges[0][2] if mode_ranges else ()
@@ -117,22 +122,26 @@ class RunChanges:
             if first == last:
                 yield run.t[first], Z
                 continue
-            for a, b, points in mode_ranges:
-                if a > first:
-                    Z = self._after_mode_change(a, Z, input_change, (a, a), (before, points))
-                    if run.t[a] in saved:
-                        yield run.t[a], Z
+            for range_start, range_end, points in mode_ranges:
+                if range_start > first:
+                    Z = self._after_mode_change(
+                        range_start, Z, input_change, (range_start, range_start), (before, points)
+                    )
+                    if run.t[range_start] in saved:
+                        yield run.t[range_start], Z
                 before = points
-                x, held = run.state(a), self._taut_rows(first)
-                pieces = self._input_pieces(run.t[a], run.t[b])
-                Z = self._variation.projected(x, held, Z, pieces[0].variation(x.t), points)
-                if a == first:
+                x, held_rows = run.state(range_start), self._taut_rows(first)
+                pieces = self._input_pieces(run.t[range_start], run.t[range_end])
+                Z = self._variation.projected(x, held_rows, Z, pieces[0].variation(x.t), points)
+                if range_start == first:
                     yield x.t, Z
                 for piece in pieces:
-                    inside = saved[(saved > piece.start) & (saved < piece.end)]
-                    times = np.append(inside, piece.end)
-                    states, changes = self._variation.integrated(x, held, Z, piece, times, points)
-                    yield from zip(inside, changes[:-1], strict=True)
+                    saved_times = saved[(saved > piece.start) & (saved < piece.end)]
+                    times = np.append(saved_times, piece.end)
+                    states, changes = self._variation.integrated(
+                        x, held_rows, Z, piece, times, points
+                    )
+                    yield from zip(saved_times, changes[:-1], strict=True)
                     Z = changes[-1]
                     if piece is pieces[-1]:
                         break
@@ -141,7 +150,9 @@ class RunChanges:
                     x = x.replace(t=piece.end, q_D=q_D, v_D=v_D, q_K=q_K, v_K=v_K)
                     if piece.end in saved:
                         yield piece.end, Z
-                self._variation.check(states[-1], run.t[b], run.q_D[b], run.v_D[b])
+                self._variation.check(
+                    states[-1], run.t[range_end], run.q_D[range_end], run.v_D[range_end]
+                )
                 input_change = pieces[-1].variation(pieces[-1].end)
             yield run.t[last], Z
 
@@ -154,19 +165,19 @@ class RunChanges:
     ) -> Array:
         """Changes after the event between sample i and the next."""
         run = self.run
-        size = max(1.0, np.max(np.abs(run.v_D[i]), initial=0.0))
-        stops = self._contacts.touches(i) and not self._is_struck(i)
-        tolerance = TOLERANCES.stop if stops else TOLERANCES.jump
-        if np.max(np.abs(run.v_D[i + 1] - run.v_D[i]), initial=0.0) <= tolerance * size:
+        speed_scale = max(1.0, np.max(np.abs(run.v_D[i]), initial=0.0))
+        is_stop = self._contacts.touches(i) and not self._is_struck(i)
+        tolerance = TOLERANCES.stop if is_stop else TOLERANCES.jump
+        if np.max(np.abs(run.v_D[i + 1] - run.v_D[i]), initial=0.0) <= tolerance * speed_scale:
             return self._after_mode_change(i, Z, input_change, (i, i + 1), points)
         before, after = run.state(i), run.state(i + 1)
-        held = self._taut_rows(i), self._taut_rows(i + 1)
+        held_rows = self._taut_rows(i), self._taut_rows(i + 1)
         acc, acc_K = (run.acc_D[i], run.acc_D[i + 1]), run.acc_K[i]
         if self._contacts.touches(i) or self._contacts.touches(i + 1) or self._is_struck(i, False):
-            impulse = impact_at(self.marionette, before, after, held)
+            impulse = impact_at(self.marionette, before, after, held_rows)
         else:
-            impulse = catch_at(self.marionette, before, after, held)
-        Z, passage = impulse.across(Z, input_change, acc, acc_K)
+            impulse = catch_at(self.marionette, before, after, held_rows)
+        Z, passage = impulse.across_impulse(Z, input_change, acc, acc_K)
         self.passages.append(passage)
         return Z
 
@@ -196,8 +207,12 @@ class RunChanges:
             (self._taut_rows(k), held_points)
             for k, held_points in zip(samples, points, strict=True)
         )
-        D = stacked(np.concatenate([Z, np.eye(len(Z))], axis=1), input_change.widened(len(Z)))
-        change = Change.of(self.marionette, x, run.acc_K[i], u_D, before, after, D)
+        widened_changes = state_and_input_changes(
+            np.concatenate([Z, np.eye(len(Z))], axis=1), input_change.widened(len(Z))
+        )
+        change = Change.between_modes(
+            self.marionette, x, run.acc_K[i], u_D, before, after, widened_changes
+        )
         if change is None:
             return Z
         n, m = marionette.coordinates.n_vD, Z.shape[1]
@@ -210,18 +225,20 @@ class RunChanges:
 
     def _force(self, t: float) -> Array:
         """User forces (n_vD,) at a time [s]."""
-        inside = min(max(t, self._inputs.start), self._inputs.end)
-        return np.array(self._inputs.evaluate_force(inside))
+        clipped = min(max(t, self._inputs.start), self._inputs.end)
+        return np.array(self._inputs.evaluate_force(clipped))
 
     def _taut_rows(self, i: int) -> Indices:
         """Indices of the rows that are taut from sample i on."""
         run = self.run
-        holds = np.concatenate([run.taut.values[i], run.limit_force.values[i] > 0.0])
-        return np.flatnonzero(holds | self.marionette.two_sided)
+        is_taut = np.concatenate([run.taut.values[i], run.limit_force.values[i] > 0.0])
+        return np.flatnonzero(is_taut | self.marionette.two_sided)
 
     def _input_pieces(self, start: float, end: float) -> list[InputPiece]:
         """Smooth pieces of the inputs from one time to another [s]."""
-        inner = self._changes.breaks
-        inner = inner[(inner > start + TOLERANCES.time) & (inner < end - TOLERANCES.time)]
-        times = np.concatenate([[start], inner, [end]])
+        inner_breaks = self._changes.breaks
+        inner_breaks = inner_breaks[
+            (inner_breaks > start + TOLERANCES.time) & (inner_breaks < end - TOLERANCES.time)
+        ]
+        times = np.concatenate([[start], inner_breaks, [end]])
         return [self._changes.piece(a, b) for a, b in pairwise(times)]

@@ -34,7 +34,7 @@ from fantoccini.dynamics.derivatives import (
     solve_in_modes,
 )
 from fantoccini.dynamics.marionette import Marionette
-from fantoccini.dynamics.simulation.contact_pieces import TIME_AGREEMENT, stacked
+from fantoccini.dynamics.simulation.contact_pieces import TIME_AGREEMENT, state_and_input_changes
 from fantoccini.dynamics.simulation.input_piece import InputVariation
 from fantoccini.kernel.contract import WINCH_AT
 from fantoccini.motion import State
@@ -85,12 +85,12 @@ class Guard:
     """
 
     def __init__(self, by: Array, speed: float):
-        self._by, self.speed = by, speed
+        self._gap_by, self.speed = by, speed
 
     @classmethod
     def of_point(cls, screws: Screws, point: HeldPoint) -> Guard:
         a, b = point.touch.links
-        gap = point.touch.by[0] @ (screws.pose_by(a) - screws.pose_by(b))
+        gap = point.touch.by_twist[0] @ (screws.pose_by(a) - screws.pose_by(b))
         return cls(-gap, -normal_speed(screws, point))
 
     @classmethod
@@ -102,7 +102,7 @@ class Guard:
 
     def time_change(self, D: Array) -> Array:
         """Change (1, m) of the time [s]."""
-        return np.asarray(-(self._by @ D)[None] / self.speed)
+        return np.asarray(-(self._gap_by @ D)[None] / self.speed)
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +116,7 @@ class Saltation:
         rows: rows struck, or held afterwards.
         points: contact points that take part.
         restitution: (n_rows,) restitution of the rows that close.
-        kick: (n_vD,) change of velocity v+ - v-.
+        velocity_jump: (n_vD,) change of velocity v+ - v-.
         impulse: (n_rows,) impulses Lambda.
         guards: gaps that close; the fastest decides the time.
         names: names of the rows and parts that close.
@@ -129,7 +129,7 @@ class Saltation:
     rows: Indices
     points: Sequence[HeldPoint]
     restitution: Array
-    kick: Array
+    velocity_jump: Array
     impulse: Array
     guards: Sequence[Guard]
     names: tuple[str, ...]
@@ -138,17 +138,17 @@ class Saltation:
     @property
     def after(self) -> State:
         """State after the impulse, from its equations."""
-        return self.before.replace(v_D=self.before.v_D + self.kick)
+        return self.before.replace(v_D=self.before.v_D + self.velocity_jump)
 
-    def check(self, v_D: Array, what: str) -> None:
+    def check(self, v_D: Array, subject: str) -> None:
         """Raises SimulationError unless the velocities after the impulse are ``v_D``."""
-        off = np.abs(self.after.v_D - v_D) / (1.0 + np.abs(v_D))
-        if np.max(off, initial=0.0) > VELOCITY_ERROR:
+        error = np.abs(self.after.v_D - v_D) / (1.0 + np.abs(v_D))
+        if np.max(error, initial=0.0) > VELOCITY_ERROR:
             raise SimulationError(
-                Status.NOT_SETTLED, f"the {what}, as when restitutions are scaled down"
+                Status.NOT_SETTLED, f"the {subject}, as when restitutions are scaled down"
             )
 
-    def across(
+    def across_impulse(
         self, Z: Array, input_change: InputVariation, acc: tuple[Array, Array], acc_K: Array
     ) -> tuple[Array, Passage]:
         """Changes after the impulse, at a fixed time, and the impulse with its saltation matrix.
@@ -160,24 +160,26 @@ class Saltation:
             acc_K: (n_vK,) driven acceleration before the impulse.
         """
         m, n = Z.shape[1], len(Z)
-        both = np.concatenate([Z, np.eye(n)], axis=1)
-        results = self._carried(both, input_change.widened(n), acc, acc_K)
-        changes = stacked(Z, input_change)
+        widened = np.concatenate([Z, np.eye(n)], axis=1)
+        widened_after = self._changes_after(widened, input_change.widened(n), acc, acc_K)
+        changes = state_and_input_changes(Z, input_change)
         time_changes = np.array([guard.time_change(changes)[0] for guard in self.guards])
         spread = float(np.max(np.abs(time_changes - time_changes[:1]), initial=0.0))
-        together = spread <= TIME_AGREEMENT * float(np.max(np.abs(time_changes), initial=1e-9))
-        differentiable = len(time_changes) > 0 and together and not self.edges
+        is_simultaneous = spread <= TIME_AGREEMENT * float(
+            np.max(np.abs(time_changes), initial=1e-9)
+        )
+        differentiable = len(time_changes) > 0 and is_simultaneous and not self.edges
         speed = max((guard.speed for guard in self.guards), default=0.0)
-        return results[:, :m], Passage(
-            self.before.t, self.names, speed, results[:, m:], differentiable
+        return widened_after[:, :m], Passage(
+            self.before.t, self.names, speed, widened_after[:, m:], differentiable
         )
 
-    def _carried(
+    def _changes_after(
         self, Z: Array, input_change: InputVariation, acc: tuple[Array, Array], acc_K: Array
     ) -> Array:
-        """Changes after the impulse, at a fixed time; see :meth:`across`."""
+        """Changes after the impulse, at a fixed time; see :meth:`across_impulse`."""
         x, n, marionette = self.before, len(self.before.v_D), self.marionette
-        D = stacked(Z, input_change)
+        D = state_and_input_changes(Z, input_change)
         time_change = np.zeros((1, Z.shape[1]))
         if self.guards:
             time_change = max(self.guards, key=lambda guard: guard.speed).time_change(D)
@@ -187,47 +189,50 @@ class Saltation:
             input_change.v_K + acc_K[:, None] * time_change,
         )
         p = input_change.p
-        D = stacked(
+        D = state_and_input_changes(
             np.concatenate([q_D, v_D]),
             InputVariation(q_K, v_K, input_change.acc_K, input_change.u_D, p),
         )
-        before, after = (row_derivatives_at(marionette, side) for side in (x, self.after))
-        speed = rate_change(before, q_D, q_K, v_K, p) + before["A_D"] @ v_D
-        rate = rate_change(after, q_D, q_K, v_K, p) + after["A_D"] @ v_D
-        rate += self.restitution[:, None] * speed
-        rate += restitution_change(marionette, self.at) @ p
-        force = force_change(marionette, x, self.kick, self.impulse, q_D, q_K, p)
-        kick = self._solve(force, rate[self.rows], D)
+        before, after = (row_derivatives_at(marionette, state) for state in (x, self.after))
+        speed_change = rate_change(before, q_D, q_K, v_K, p) + before["A_D"] @ v_D
+        rate_after = rate_change(after, q_D, q_K, v_K, p) + after["A_D"] @ v_D
+        rate_after += self.restitution[:, None] * speed_change
+        rate_after += restitution_change(marionette, self.at) @ p
+        force = force_change(marionette, x, self.velocity_jump, self.impulse, q_D, q_K, p)
+        velocity_jump = self._solve(force, rate_after[self.rows], D)
         q_D = q_D - self.after.v_D[:, None] * time_change
-        return np.concatenate([q_D, v_D + kick - acc[1][:, None] * time_change])
+        return np.concatenate([q_D, v_D + velocity_jump - acc[1][:, None] * time_change])
 
     def _solve(self, force: Array, rate: Array, D: Array) -> Array:
         """Changes (n_vD, m) of the kick."""
         if not self.points:
             return KKTSystem(self.at, self.rows).solve(force, rate)[0]
 
-        before = Screws(self.marionette, self.before, changes=D)
-        later = Screws(self.marionette, self.after, changes=D)
+        screws_before = Screws(self.marionette, self.before, changes=D)
+        screws_after = Screws(self.marionette, self.after, changes=D)
 
         def rows(points: Sequence[HeldPoint]) -> tuple[ContactRows, Array]:
-            held, struck = ContactRows(later, points, 1.0), ContactRows(before, points, 0.0)
+            held, struck = (
+                ContactRows(screws_after, points, 1.0),
+                ContactRows(screws_before, points, 0.0),
+            )
             return held, held.velocity_by() + struck.bounce_by()
 
         return solve_in_modes(self.at, self.rows, force, rate, rows, self.points)[0]
 
 
-def string_restitution(marionette: Marionette, at: Evaluation) -> Array:
+def string_restitution(marionette: Marionette, evaluation: Evaluation) -> Array:
     """Restitution (n_rows,) of the rows that close."""
-    out = np.zeros(len(at.hdot))
+    out = np.zeros(len(evaluation.hdot))
     out[: len(marionette.tree.strings)] = marionette.winches[:, WINCH_AT["restitution"]]
-    out[at.hdot <= 0.0] = 0.0
+    out[evaluation.hdot <= 0.0] = 0.0
     return out
 
 
 def force_change(
     marionette: Marionette,
     before: State,
-    kick: Array,
+    velocity_jump: Array,
     impulse: Array,
     q_D: Array,
     q_K: Array,
@@ -240,24 +245,24 @@ def force_change(
     """
     x = before.replace(v_D=np.zeros_like(before.v_D), v_K=np.zeros_like(before.v_K))
     values = marionette.at(x) | {
-        "acc_D": np.stack([kick, np.zeros_like(kick)]),
+        "acc_D": np.stack([velocity_jump, np.zeros_like(velocity_jump)]),
         "acc_K": x.v_K,
         "tension": np.stack([impulse, np.zeros_like(impulse)]),
         "dt": np.array(0.0),
     }
-    compiled = marionette.libraries.derivatives
-    results = compiled.at("force_by_q", values) | compiled.at("force_by_K", values)
-    by = {name: part[0] - part[1] for name, part in results.items()}
-    return by["r_q"] @ q_D + by["r_qK"] @ q_K + by["r_p"] @ p
+    library = marionette.libraries.derivatives
+    results = library.at("force_by_q", values) | library.at("force_by_K", values)
+    partials = {name: part[0] - part[1] for name, part in results.items()}
+    return partials["r_q"] @ q_D + partials["r_qK"] @ q_K + partials["r_p"] @ p
 
 
-def restitution_change(marionette: Marionette, at: Evaluation) -> Array:
+def restitution_change(marionette: Marionette, evaluation: Evaluation) -> Array:
     """Derivative (n_rows, n_p) of e max(hdot-, 0) by the parameters."""
     out = np.zeros((marionette.tree.n_rows, len(marionette.p)))
     for i, string in enumerate(marionette.tree.strings):
         if isinstance(string.restitution, Parameter):
-            place = marionette.parameter_index[string.restitution.parameter]
-            out[i, place] = max(at.hdot[i], 0.0)
+            column = marionette.parameter_index[string.restitution.parameter]
+            out[i, column] = max(evaluation.hdot[i], 0.0)
     return out
 
 

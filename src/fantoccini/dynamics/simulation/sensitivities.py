@@ -102,20 +102,21 @@ def sensitivity(
     check_differentiable(run)
     t_end = inputs.end if t_end is None else t_end
     bound = bind_input(marionette, inputs, x0.q_K, x0.v_K, x0.t, t_end)
-    others = _bind_others(marionette, toward, bound, x0) if toward else None
+    other_inputs = _bind_others(marionette, toward, bound, x0) if toward else None
     _check_along(marionette, along)
-    changes = InputChanges(marionette, bound, others, along)
-    saved = np.zeros(0) if save_at is None else np.unique(floats(save_at))
-    outside = saved[~((saved >= run.t[0]) & (saved <= run.t[-1]))]
-    if len(outside):
+    changes = InputChanges(marionette, bound, other_inputs, along)
+    save_times = np.zeros(0) if save_at is None else np.unique(floats(save_at))
+    outside_run = save_times[~((save_times >= run.t[0]) & (save_times <= run.t[-1]))]
+    if len(outside_run):
         raise ValueError(
-            f"save_at has {outside[0]:g} s; it must lie between {run.t[0]:g} s and {run.t[-1]:g} s"
+            f"save_at has {outside_run[0]:g} s; it must lie between {run.t[0]:g} s and "
+            f"{run.t[-1]:g} s"
         )
     run_changes = RunChanges(run, changes, Variation(marionette, rtol, atol))
-    t, Z = zip(*run_changes.samples(saved), strict=True)
+    t, Z = zip(*run_changes.samples(save_times), strict=True)
     n, n_p = marionette.coordinates.n_vD, len(marionette.p)
-    places = np.cumsum([2 * n, n_p, len(toward)])
-    by_x0, by_p, by_toward, by_along = np.split(np.array(Z), places, axis=2)
+    split_at = np.cumsum([2 * n, n_p, len(toward)])
+    by_x0, by_p, by_toward, by_along = np.split(np.array(Z), split_at, axis=2)
     return RunSensitivity(
         run=run,
         t=np.array(t),
@@ -131,34 +132,37 @@ def _bind_others(
     marionette: Marionette, toward: Sequence[Input], inputs: Input, x0: State
 ) -> Inputs:
     """Other inputs, bound to the puppet at their own start; coordinates without input are held."""
-    coordinates, others = marionette.coordinates, Inputs.of(toward)
-    check_same_puppet([coordinates, others.coordinates])
-    q_K, start = np.tile(x0.q_K, (len(others), 1)), others.evaluate(x0.t)[0]
+    coordinates, batch = marionette.coordinates, Inputs.stack(toward)
+    check_same_puppet([coordinates, batch.coordinates])
+    q_K, start = np.tile(x0.q_K, (len(batch), 1)), batch.evaluate(x0.t)[0]
     for q, v in coordinates.scalars_K:
-        q_K[:, q] = np.where(others.named[:, v], start[:, q], q_K[:, q])
-    others = others.bound(q_K, x0.t)
+        q_K[:, q] = np.where(batch.named[:, v], start[:, q], q_K[:, q])
+    batch = batch.bound(q_K, x0.t)
     if not coordinates.rotations:
-        return others
-    for i in range(len(others)):
-        other = others[i]
-        times = np.union1d(inputs.breaks, other.breaks)
+        return batch
+    for i in range(len(batch)):
+        single = batch[i]
+        times = np.union1d(inputs.breaks, single.breaks)
         times = np.union1d(times, 0.5 * (times[1:] + times[:-1]))
         for name, (q, _) in coordinates.rotations.items():
-            ours, theirs = (x.evaluate(times)[0][:, q : q + 4] for x in (inputs, other))
-            if np.max(np.abs(np.abs(np.sum(ours * theirs, axis=1)) - 1.0)) > MAX_ROTATION_ROUNDING:
+            from_inputs, from_other = (x.evaluate(times)[0][:, q : q + 4] for x in (inputs, single))
+            if (
+                np.max(np.abs(np.abs(np.sum(from_inputs * from_other, axis=1)) - 1.0))
+                > MAX_ROTATION_ROUNDING
+            ):
                 text = "differs from the run's; only scalar coordinates may differ in `toward`"
                 raise InputError([Mistake("toward", None, name, text)])
-    return others
+    return batch
 
 
 def _check_along(marionette: Marionette, along: Sequence[InputDerivative]) -> None:
     """Raises InputError unless derivatives of inputs are for this puppet."""
-    own = marionette.coordinates
+    coordinates = marionette.coordinates
     for i, derivative in enumerate(along):
-        if derivative.coordinates.v_K != own.v_K:
+        if derivative.coordinates.v_K != coordinates.v_K:
             text = (
                 "was made for a puppet with the driven velocities "
                 f"{', '.join(derivative.coordinates.v_K) or 'none'}; {marionette.name} has "
-                f"{', '.join(own.v_K) or 'none'}"
+                f"{', '.join(coordinates.v_K) or 'none'}"
             )
             raise InputError([Mistake("along", None, f"[{i}]", text)])

@@ -26,11 +26,11 @@ from fantoccini.dynamics.derivatives import (
     ModeSystem,
     PointMode,
     linearise,
+    rotation_rate_blocks,
     row_derivatives_at,
-    turning,
 )
 from fantoccini.dynamics.marionette import Marionette
-from fantoccini.dynamics.simulation.contact_pieces import stacked
+from fantoccini.dynamics.simulation.contact_pieces import state_and_input_changes
 from fantoccini.dynamics.simulation.input_piece import InputPiece, InputVariation
 from fantoccini.dynamics.simulation.saltation import rate_change
 from fantoccini.motion import State
@@ -73,17 +73,17 @@ class Variation:
         if points:
             return self._projected_with_points(x, rows, Z, input_change, points)
         n, results = len(x.v_D), row_derivatives_at(self.marionette, x)
-        system = KKTSystem(Evaluation.of(self.marionette, x), rows)
+        system = KKTSystem(Evaluation.at_state(self.marionette, x), rows)
         Z_q, Z_v = Z[:n], Z[n:]
-        gap = (
+        gap_change = (
             results["A_D"] @ Z_q
             + results["A_K"] @ input_change.q_K
             + results["h_p"] @ input_change.p
         )
-        Z_q = Z_q + system.nearest(gap[rows])
-        rate = rate_change(results, Z_q, input_change.q_K, input_change.v_K, input_change.p)
-        rate = rate + results["A_D"] @ Z_v
-        Z_v = Z_v + system.nearest(rate[rows])
+        Z_q = Z_q + system.least_move(gap_change[rows])
+        rate_change_ = rate_change(results, Z_q, input_change.q_K, input_change.v_K, input_change.p)
+        rate_change_ = rate_change_ + results["A_D"] @ Z_v
+        Z_v = Z_v + system.least_move(rate_change_[rows])
         return np.concatenate([Z_q, Z_v])
 
     def _projected_with_points(
@@ -95,25 +95,35 @@ class Variation:
         points: Sequence[PointMode],
     ) -> Array:
         marionette, n = self.marionette, len(x.v_D)
-        at, results = Evaluation.of(marionette, x), row_derivatives_at(marionette, x)
+        evaluation, results = Evaluation.at_state(marionette, x), row_derivatives_at(marionette, x)
         zeros = np.zeros((n, Z.shape[1]))
-        held = FrozenModes(marionette, points).at(Screws(marionette, x))
-        touching = ContactRows(Screws(marionette, x, changes=stacked(Z, input_change)), held, 0.0)
-        first = np.cumsum([0, *(len(p.directions) for p in held)])[:-1]
-        gap = (
+        held_points = FrozenModes(marionette, points).at(Screws(marionette, x))
+        contact_rows = ContactRows(
+            Screws(marionette, x, changes=state_and_input_changes(Z, input_change)),
+            held_points,
+            0.0,
+        )
+        normal_rows = np.cumsum([0, *(len(p.directions) for p in held_points)])[:-1]
+        gap_change = (
             results["A_D"] @ Z[:n]
             + results["A_K"] @ input_change.q_K
             + results["h_p"] @ input_change.p
         )
-        gaps = np.concatenate([gap[rows], touching.gap_by()])
-        system = ModeSystem(at, rows, _frictionless(touching, touching.rows[first]))
+        gaps = np.concatenate([gap_change[rows], contact_rows.gap_by()])
+        system = ModeSystem(
+            evaluation, rows, _frictionless(contact_rows, contact_rows.rows[normal_rows])
+        )
         Z_q = Z[:n] + system.solve(zeros, gaps)[0]
         rate = rate_change(results, Z_q, input_change.q_K, input_change.v_K, input_change.p)
         rate = (rate + results["A_D"] @ Z[n:])[rows]
         Z = np.concatenate([Z_q, Z[n:]])
-        touching = ContactRows(Screws(marionette, x, changes=stacked(Z, input_change)), held, 0.0)
-        rates = np.concatenate([rate, touching.velocity_by()])
-        system = ModeSystem(at, rows, _frictionless(touching, touching.rows))
+        contact_rows = ContactRows(
+            Screws(marionette, x, changes=state_and_input_changes(Z, input_change)),
+            held_points,
+            0.0,
+        )
+        rates = np.concatenate([rate, contact_rows.velocity_by()])
+        system = ModeSystem(evaluation, rows, _frictionless(contact_rows, contact_rows.rows))
         return np.concatenate([Z_q, Z[n:] + system.solve(zeros, rates)[0]])
 
     def integrated(
@@ -136,16 +146,16 @@ class Variation:
         if points:
             return self._integrated_with_points(x, rows, Z, piece, times, points)
         marionette = self.marionette
-        held = np.zeros(marionette.tree.n_rows, dtype=bool)
-        held[rows] = True
+        is_held = np.zeros(marionette.tree.n_rows, dtype=bool)
+        is_held[rows] = True
         is_long = times[-1] - x.t > _MIN_STEPS_OF_LONG_PIECE * self._step
-        basis, shares = _independent_columns(Z, 2 * len(x.v_D)) if is_long else (Z, None)
+        basis, basis_shares = _independent_columns(Z, 2 * len(x.v_D)) if is_long else (Z, None)
         results = marionette.libraries.derivatives.flow(
             (x.t, x.q_D, x.v_D, basis),
             times,
             piece.inputs,
             piece.powers,
-            held,
+            is_held,
             marionette.p,
             rtol=self._rtol,
             atol=self._atol,
@@ -154,7 +164,9 @@ class Variation:
         self._step = results.step
         if results.status is not Status.DONE:
             raise SimulationError(results.status, f"after t = {x.t:.6g} s")
-        changes = results.changes if shares is None else _combined(results.changes, shares)
+        changes = (
+            results.changes if basis_shares is None else _combined(results.changes, basis_shares)
+        )
         return np.concatenate([results.q_D, results.v_D], axis=1), changes
 
     def _integrated_with_points(
@@ -172,21 +184,21 @@ class Variation:
         def rate(t: float, y: Array) -> Array:
             q_D, v_D, Z = y[:n_q], y[n_q : n_q + n], y[n_q + n :].reshape(2 * n, m)
             q_K, v_K, acc_K, u_D = piece.at(t)
-            here = x.replace(t=t, q_D=q_D, v_D=v_D, q_K=q_K, v_K=v_K)
-            lin = linearise(self.marionette, here, acc_K, u_D, names, points)
-            out, acc = piece.variation(t), lin.acc
-            Z_q = turning(self._table.quaternions_D, v_D) @ Z[:n] + Z[n:]
+            state = x.replace(t=t, q_D=q_D, v_D=v_D, q_K=q_K, v_K=v_K)
+            lin = linearise(self.marionette, state, acc_K, u_D, names, points)
+            input_change, acc = piece.variation(t), lin.acc
+            Z_q = rotation_rate_blocks(self._table.quaternions_D, v_D) @ Z[:n] + Z[n:]
             Z_v = (
                 acc.q_D @ Z[:n]
                 + acc.v_D @ Z[n:]
-                + acc.q_K @ out.q_K
-                + acc.v_K @ out.v_K
-                + acc.acc_K @ out.acc_K
-                + acc.u_D @ out.u_D
-                + acc.p @ out.p
+                + acc.q_K @ input_change.q_K
+                + acc.v_K @ input_change.v_K
+                + acc.acc_K @ input_change.acc_K
+                + acc.u_D @ input_change.u_D
+                + acc.p @ input_change.p
             )
-            moved = self._configuration_rate(q_D, v_D), lin.acc_D, Z_q.ravel(), Z_v.ravel()
-            return np.concatenate(moved)
+            rates = self._configuration_rate(q_D, v_D), lin.acc_D, Z_q.ravel(), Z_v.ravel()
+            return np.concatenate(rates)
 
         start = np.concatenate([x.q_D, x.v_D, Z.ravel()])
         from scipy.integrate import solve_ivp  # slow to import
@@ -201,8 +213,8 @@ class Variation:
 
     def check(self, reached: Array, t: float, q_D: Array, v_D: Array) -> None:
         """Raises SimulationError unless the integration ended at the run's state at t [s]."""
-        run = np.concatenate([q_D, v_D])
-        error = np.max(np.abs(reached - run) / (1.0 + np.abs(run)))
+        run_state = np.concatenate([q_D, v_D])
+        error = np.max(np.abs(reached - run_state) / (1.0 + np.abs(run_state)))
         if not error < MAX_ERROR:
             raise SimulationError(
                 Status.NOT_SETTLED,
@@ -214,13 +226,13 @@ class Variation:
         for q, v in self._table.scalars_D:
             rate[q] = v_D[v]
         for q, v in self._table.quaternions_D:
-            turn = np.concatenate([[0.0], 0.5 * v_D[v : v + 3]])
-            rate[q : q + 4] = multiply(q_D[q : q + 4], turn)
+            half_rotation_rate = np.concatenate([[0.0], 0.5 * v_D[v : v + 3]])
+            rate[q : q + 4] = multiply(q_D[q : q + 4], half_rotation_rate)
         return rate
 
 
-def _independent_columns(Z: Array, own: int) -> tuple[Array, Array | None]:
-    """Basis of the first ``own`` columns of Z, followed by the other columns; and shares of it.
+def _independent_columns(Z: Array, n_state: int) -> tuple[Array, Array | None]:
+    """Basis of the first ``n_state`` columns of Z, followed by the other columns; and shares of it.
 
     Taut strings leave changes of the state fewer dimensions than coordinates. Columns that depend
     on the state alone are integrated as combinations of the basis, the first r columns returned::
@@ -229,20 +241,20 @@ def _independent_columns(Z: Array, own: int) -> tuple[Array, Array | None]:
 
     The shares are None if all columns are independent.
     """
-    Q, R, order = linalg.qr(Z[:, :own], mode="economic", pivoting=True, check_finite=False)
+    Q, R, order = linalg.qr(Z[:, :n_state], mode="economic", pivoting=True, check_finite=False)
     sizes = np.abs(np.diag(R))
-    r = int(np.count_nonzero(sizes > _ROUNDING * sizes[0]))
-    if r == own or not np.all(np.isfinite(sizes)):
+    rank = int(np.count_nonzero(sizes > _ROUNDING * sizes[0]))
+    if rank == n_state or not np.all(np.isfinite(sizes)):
         return Z, None
-    shares = np.empty((r, own))
-    shares[:, order] = R[:r]
-    return np.concatenate([Q[:, :r], Z[:, own:]], axis=1), shares
+    shares = np.empty((rank, n_state))
+    shares[:, order] = R[:rank]
+    return np.concatenate([Q[:, :rank], Z[:, n_state:]], axis=1), shares
 
 
 def _combined(changes: Array, shares: Array) -> Array:
     """Columns from the integrated basis and their shares."""
-    r = len(shares)
-    return np.concatenate([changes[:, :, :r] @ shares, changes[:, :, r:]], axis=2)
+    rank = len(shares)
+    return np.concatenate([changes[:, :, :rank] @ shares, changes[:, :, rank:]], axis=2)
 
 
 def _frictionless(touching: ContactRows, rows: Array) -> HeldRows:

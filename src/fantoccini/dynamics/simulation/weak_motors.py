@@ -44,7 +44,7 @@ def weak_motors_message(marionette: Marionette, run: Trajectory) -> str:
                 f"its motor has {max_torque:.3g} {force}, too little when strings come taut or "
                 "loads accelerate"
             )
-            if not row.steps:
+            if not row.has_stepper:
                 cause += ", or its controller requests too little"
         texts.append(f"{name} {failure} from t = {overload.since:.6g} s on{error_text}: {cause}")
     if len(rows) > MAX_NAMED:
@@ -80,15 +80,15 @@ def _loads(marionette: Marionette, run: Trajectory, end: float) -> dict[str, flo
     """
     n_samples = max(1, int(np.searchsorted(run.t, end)))
     samples = np.unique(np.linspace(0, n_samples - 1, min(n_samples, N_SAMPLES)).astype(int))
-    commanded = [row for row in marionette.tree.drives if row.command is not None]
-    largest = np.max([np.abs(_forces(marionette, run, i, commanded)) for i in samples], axis=0)
-    by_name, start = {}, 0
-    for row in commanded:
+    commanded_rows = [row for row in marionette.tree.drives if row.command is not None]
+    largest = np.max([np.abs(_forces(marionette, run, i, commanded_rows)) for i in samples], axis=0)
+    load_by_name, start = {}, 0
+    for row in commanded_rows:
         width = row.v.stop - row.v.start
         load = float(np.linalg.norm(largest[start : start + width]))
-        by_name[row.name] = load / row.ratio(marionette.number)
+        load_by_name[row.name] = load / row.ratio(marionette.number)
         start += width
-    return by_name
+    return load_by_name
 
 
 def _forces(marionette: Marionette, run: Trajectory, i: int, drives: list[DriveRow]) -> Array:
@@ -98,7 +98,7 @@ def _forces(marionette: Marionette, run: Trajectory, i: int, drives: list[DriveR
     """
     x, acc_K, n = run.state(i), run.acc_K[i], marionette.coordinates.n_vD
     indices = np.array([k for row in drives for k in range(row.v.start, row.v.stop)])
-    commanded = np.array(
+    commanded_acc = np.array(
         [
             acc_K[row.command[1] + k]
             for row in drives
@@ -109,14 +109,14 @@ def _forces(marionette: Marionette, run: Trajectory, i: int, drives: list[DriveR
     A = marionette.A_D(x)[x.taut]
     constraint_bias = (marionette.Adot_v(x) + marionette.A_K(x) @ acc_K)[x.taut]
     force_bias = marionette.bias(x) + marionette.damping(x) + marionette.mass_matrix_DK(x) @ acc_K
-    S, m, k = np.eye(n)[:, indices], len(A), len(indices)
+    selection, m, k = np.eye(n)[:, indices], len(A), len(indices)
     system = np.block(
         [
-            [marionette.mass_matrix(x), A.T, -S],
+            [marionette.mass_matrix(x), A.T, -selection],
             [A, np.zeros((m, m)), np.zeros((m, k))],
-            [S.T, np.zeros((k, m)), np.zeros((k, k))],
+            [selection.T, np.zeros((k, m)), np.zeros((k, k))],
         ]
     )
-    right_side = np.concatenate([-force_bias, -constraint_bias, commanded])
+    right_side = np.concatenate([-force_bias, -constraint_bias, commanded_acc])
     # With redundant strings, least squares give the solution of least norm.
     return np.linalg.lstsq(system, right_side, rcond=1e-12)[0][n + m :]

@@ -2,7 +2,7 @@
 
 from fantoccini.dynamics.steppers.determinacy import ForceSamples, force_names, undetermined
 from fantoccini.dynamics.steppers.ledgers import ledger_of, ledgers_of_terms
-from fantoccini.dynamics.steppers.parting import parted, parted_starts
+from fantoccini.dynamics.steppers.parting import separated, separated_starts
 from fantoccini.dynamics.steppers.prescribed import (
     Overlap,
     deepest,
@@ -20,10 +20,10 @@ from fantoccini.dynamics.steppers.redundant import (
 from fantoccini.dynamics.steppers.soundness import (
     BOUNDS,
     LedgerCheck,
-    excused,
-    fault,
+    excused_share,
+    fault_of_run,
     faults,
-    swings,
+    springs_swing,
 )
 from fantoccini.dynamics.steppers.stepper import Stepper, held_input
 from fantoccini.dynamics.steppers.stepper_batch import StepperBatch
@@ -43,8 +43,8 @@ __all__ = [
     "contradiction",
     "decide",
     "deepest",
-    "excused",
-    "fault",
+    "excused_share",
+    "fault_of_run",
     "faults",
     "first_excess_tension",
     "force_names",
@@ -54,9 +54,9 @@ __all__ = [
     "may_be_redundant",
     "measuring_times",
     "overlap_events",
-    "parted",
-    "parted_starts",
     "prescribed_overlaps",
-    "swings",
+    "separated",
+    "separated_starts",
+    "springs_swing",
     "undetermined",
 ]

@@ -77,7 +77,7 @@ class ForceSamples:
     contact: ContactPoints | None = None
 
     @classmethod
-    def of(cls, run: Trajectory) -> ForceSamples:
+    def from_run(cls, run: Trajectory) -> ForceSamples:
         """Samples of a run."""
         force = np.hstack([run.tension.values, run.limit_force.values])
         taut = np.asarray(run.taut.values, dtype=bool)
@@ -93,9 +93,9 @@ class ForceSamples:
         if begin == 0 and end >= len(self):
             return self
         arrays = ("q_D", "v_D", "q_K", "v_K", "force", "taut", "slip")
-        own = replace(self, **{name: getattr(self, name)[begin:end] for name in arrays})
+        selected = replace(self, **{name: getattr(self, name)[begin:end] for name in arrays})
         if self.contact is None:
-            return own
+            return selected
         rows = slice(*np.searchsorted(self.contact.sample, [begin, end]))
         points = {
             field.name: getattr(self.contact, field.name)[rows]
@@ -103,7 +103,7 @@ class ForceSamples:
             if field.name != "names"
         }
         points["sample"] = points["sample"] - begin
-        return replace(own, contact=replace(self.contact, **points))
+        return replace(selected, contact=replace(self.contact, **points))
 
 
 def undetermined(marionette: CompiledPuppet, run: Trajectory | ForceSamples) -> Columns:
@@ -113,7 +113,7 @@ def undetermined(marionette: CompiledPuppet, run: Trajectory | ForceSamples) -> 
         marionette: the puppet.
         run: run of the puppet, or samples of several.
     """
-    samples = ForceSamples.of(run) if isinstance(run, Trajectory) else run
+    samples = ForceSamples.from_run(run) if isinstance(run, Trajectory) else run
     names = force_names(marionette)
     parts = [
         _flags(marionette, samples.part(k, k + _CHUNK_SIZE))
@@ -132,44 +132,51 @@ def _flags(marionette: CompiledPuppet, run: ForceSamples) -> Mask:
     table, n_s = marionette.coordinates, len(marionette.tree.strings)
     out = np.zeros((len(run), n_s + table.n_vK), dtype=bool)
     if table.n_vD and (n_s or run.contact is not None):
-        rows = _Rows(marionette, run)
-        points = _Points(marionette, run, rows.L)
-        for samples, held, places in _groups(rows.held, points.first):
-            B = np.concatenate([rows.B[samples][:, held], points.B[places]], axis=1)
-            low = np.concatenate([rows.low[samples][:, held], points.low[places]], axis=1)
-            high = np.concatenate(
-                [rows.high[samples][:, held], np.zeros(places.shape, dtype=bool)], axis=1
+        rows = _RowForces(marionette, run)
+        points = _ContactForces(marionette, run, rows.L)
+        for samples, held, force_indices in _groups_of_samples(rows.held, points.first):
+            B = np.concatenate([rows.B[samples][:, held], points.B[force_indices]], axis=1)
+            at_lower = np.concatenate(
+                [rows.at_lower[samples][:, held], points.at_lower[force_indices]], axis=1
             )
-            weak = _is_weak(marionette, B)
-            if not np.any(weak):
+            at_upper = np.concatenate(
+                [rows.at_upper[samples][:, held], np.zeros(force_indices.shape, dtype=bool)], axis=1
+            )
+            is_weak = _is_nearly_redundant(marionette, B)
+            if not np.any(is_weak):
                 continue
-            samples, B, low, high = samples[weak], B[weak], low[weak], high[weak]
-            pulls = np.zeros((len(samples), n_s, B.shape[1]))
-            own = np.flatnonzero(held < n_s)
-            pulls[:, held[own], own] = 1.0
-            efforts = np.concatenate(
-                [rows.efforts(samples, held), points.efforts[places[weak]]], axis=1
+            samples, B, at_lower, at_upper = (
+                samples[is_weak],
+                B[is_weak],
+                at_lower[is_weak],
+                at_upper[is_weak],
             )
-            S = np.concatenate([pulls, np.swapaxes(efforts, 1, 2)], axis=1)
-            out[samples] = _uncertain(marionette, B, S, low, high)
+            string_selection = np.zeros((len(samples), n_s, B.shape[1]))
+            string_columns = np.flatnonzero(held < n_s)
+            string_selection[:, held[string_columns], string_columns] = 1.0
+            efforts = np.concatenate(
+                [rows.efforts(samples, held), points.efforts[force_indices[is_weak]]], axis=1
+            )
+            S = np.concatenate([string_selection, np.swapaxes(efforts, 1, 2)], axis=1)
+            out[samples] = _is_uncertain(marionette, B, S, at_lower, at_upper)
     return out
 
 
-class _Rows:
+class _RowForces:
     """Strings and limits of a run, n rows at T samples.
 
     Attributes:
         L: factors of M_DD at the samples.
         held: (T, n) whether rows are active and do not slip: a slipping winch's force is known.
         B: (T, n, n_vD) motion by their forces.
-        low, high: (T, n) whether a force is at its lower or upper bound.
+        at_lower, at_upper: (T, n) whether a force is at its lower or upper bound.
     """
 
     def __init__(self, marionette: CompiledPuppet, run: ForceSamples):
         self._marionette, self._run = marionette, run
         table, library, tree = marionette.coordinates, marionette.library, marionette.tree
         n_l, n_s = len(tree.limits), len(tree.strings)
-        on = library.evaluate(
+        evaluated = library.evaluate(
             "dynamics",
             q_D=run.q_D,
             v_D=run.v_D,
@@ -179,164 +186,170 @@ class _Rows:
             u_D=np.zeros(table.n_vD),
             p=marionette.p,
         )
-        self.L = on.L
+        self.L = evaluated.L
         T, forces = len(run), run.force
         J = np.zeros((T, n_l, table.n_vD))
         limit, axis, velocity = tree.limit_entries
-        J[:, limit, velocity] = on.J_limit[:, axis, limit]
-        W_l = library.evaluate("solve_factor_transposed", L=on.L[:, None], x=J).y if n_l else J
-        self.B = -np.concatenate([np.swapaxes(on.W, 1, 2), W_l], axis=1)
-        near = TOLERANCES.bound_distance * _force(marionette)
-        self.low = ~marionette.two_sided & (forces <= near)
-        self.high = forces >= marionette.max_forces - near
+        J[:, limit, velocity] = evaluated.J_limit[:, axis, limit]
+        W_l = (
+            library.evaluate("solve_factor_transposed", L=evaluated.L[:, None], x=J).y if n_l else J
+        )
+        self.B = -np.concatenate([np.swapaxes(evaluated.W, 1, 2), W_l], axis=1)
+        bound_distance = TOLERANCES.bound_distance * _force_scale(marionette)
+        self.at_lower = ~marionette.two_sided & (forces <= bound_distance)
+        self.at_upper = forces >= marionette.max_forces - bound_distance
         # Only some of several dependent rows pull; the others are closed, or open by rounding.
-        h = np.hstack([on.h - run.slip, on.h_limit])
-        held = h >= -TOLERANCES.max_closed_gap * marionette.row_scales(run.q_D, run.q_K)
+        h = np.hstack([evaluated.h - run.slip, evaluated.h_limit])
+        is_held = h >= -TOLERANCES.max_closed_gap * marionette.row_scales(run.q_D, run.q_K)
         if run.method == "event":  # after fixed steps, speeds correct their violations
-            held[:, :n_s] &= np.abs(on.hdot) <= TOLERANCES.max_rest_speed
-        held |= np.hstack([run.taut, forces[:, n_s:] > 0.0])
-        held[:, :n_s] &= ~(self.high[:, :n_s] & (on.hdot > TOLERANCES.max_rest_speed))
-        self.held = held
+            is_held[:, :n_s] &= np.abs(evaluated.hdot) <= TOLERANCES.max_rest_speed
+        is_held |= np.hstack([run.taut, forces[:, n_s:] > 0.0])
+        is_held[:, :n_s] &= ~(self.at_upper[:, :n_s] & (evaluated.hdot > TOLERANCES.max_rest_speed))
+        self.held = is_held
 
     def efforts(self, samples: Indices, held: Indices) -> Array:
         """Efforts (m, k, n_vK) by the forces of rows; those of limits are 0."""
         marionette, run, n_s = self._marionette, self._run, len(self._marionette.tree.strings)
         table = marionette.coordinates
-        at = {
+        arguments = {
             name: getattr(run, name)[samples][:, None] for name in ("q_D", "v_D", "q_K", "v_K")
         } | {"acc_D": np.zeros(table.n_vD), "acc_K": np.zeros(table.n_vK)}
         lam = np.zeros((len(held) + 1, n_s))
         strings = np.flatnonzero(held < n_s)
         lam[strings, held[strings]] = -1.0
-        force = marionette.library.evaluate("effort", **at, lam=lam, p=marionette.p).f_K
+        force = marionette.library.evaluate("effort", **arguments, lam=lam, p=marionette.p).f_K
         return np.asarray(force[:, :-1] - force[:, -1:])
 
 
-class _Points:
+class _ContactForces:
     """Contact points of a run, as n forces in order.
 
     Attributes:
         first: (T + 1,) index of the first force of every sample.
         B: (n, n_vD) motion by each force.
-        low: (n,) whether a force is at its lower bound.
+        at_lower: (n,) whether a force is at its lower bound.
         efforts: (n, n_vK) efforts of driven coordinates by each force.
     """
 
     def __init__(self, marionette: CompiledPuppet, run: ForceSamples, L: Array):
         table, contact, contacts = marionette.coordinates, run.contact, marionette.contacts
         self.first = np.zeros(len(run) + 1, dtype=np.intp)
-        self.B, self.low = np.zeros((0, table.n_vD)), np.zeros(0, dtype=bool)
+        self.B, self.at_lower = np.zeros((0, table.n_vD)), np.zeros(0, dtype=bool)
         self.efforts = np.zeros((0, table.n_vK))
         if contact is None or contacts is None or not len(contact):
             return
-        size = np.linalg.norm(contact.force, axis=1)
-        idle = size <= TOLERANCES.bound_distance * _force(marionette)
-        slides = (contacts.friction[contact.pair] == 0.0) | (
-            contact.sliding > TOLERANCES.max_rest_speed
+        force_norm = np.linalg.norm(contact.force, axis=1)
+        is_idle = force_norm <= TOLERANCES.bound_distance * _force_scale(marionette)
+        is_sliding = (contacts.friction[contact.pair] == 0.0) | (
+            contact.sliding_speed > TOLERANCES.max_rest_speed
         )
-        along = contact.force / np.where(idle, 1.0, size)[:, None]
-        along[idle] = contact.normal[idle]
-        sticks = ~(idle | slides)
-        count = np.where(sticks, 3, 1)
-        which = np.repeat(np.arange(len(contact)), count)
-        start = np.cumsum(count) - count
-        direction = along[which]
+        directions_ = contact.force / np.where(is_idle, 1.0, force_norm)[:, None]
+        directions_[is_idle] = contact.normal[is_idle]
+        is_sticking = ~(is_idle | is_sliding)
+        n_forces = np.where(is_sticking, 3, 1)
+        point_of_force = np.repeat(np.arange(len(contact)), n_forces)
+        start = np.cumsum(n_forces) - n_forces
+        direction = directions_[point_of_force]
         for axis in range(3):
-            direction[start[sticks] + axis] = np.eye(3)[axis]
-        sample = contact.sample[which]
+            direction[start[is_sticking] + axis] = np.eye(3)[axis]
+        sample = contact.sample[point_of_force]
         self.first = np.searchsorted(sample, np.arange(len(run) + 1)).astype(np.intp)
-        self.low = idle[which]
-        place = {"q_D": run.q_D, "q_K": run.q_K, "p": marionette.p}
-        screws = marionette.library.evaluate("screws", **place)
-        wrench = np.hstack([direction, np.cross(contact.point[which], direction)])
-        force = np.zeros((len(which), table.n_vD))
-        self.efforts = np.zeros((len(which), table.n_vK))
-        links = contacts.solids["link"][contacts.pairs[contact.pair[which]]]
+        self.at_lower = is_idle[point_of_force]
+        configuration = {"q_D": run.q_D, "q_K": run.q_K, "p": marionette.p}
+        screws = marionette.library.evaluate("screws", **configuration)
+        wrench = np.hstack([direction, np.cross(contact.point[point_of_force], direction)])
+        force = np.zeros((len(point_of_force), table.n_vD))
+        self.efforts = np.zeros((len(point_of_force), table.n_vK))
+        links = contacts.solids["link"][contacts.pairs[contact.pair[point_of_force]]]
         for side, sign in ((0, 1.0), (1, -1.0)):
             for link in set(links[:, side].tolist()) - {WORLD}:
                 selected = np.flatnonzero(links[:, side] == link)
                 for i in marionette.tree.ancestors(link):
-                    moved = marionette.tree.links[i]
-                    driven = moved.role is Role.DRIVEN
-                    by = screws.screw_K if driven else screws.screw_D
-                    for k in range(moved.v.start, moved.v.stop):
-                        screw = by[sample[selected], :, k]
-                        part = sign * np.einsum("nc,nc->n", screw, wrench[selected])
-                        if driven:
-                            self.efforts[selected, k] -= part
-                        elif moved.role is Role.DYNAMIC:
-                            force[selected, k] += part
+                    moving_link = marionette.tree.links[i]
+                    is_driven = moving_link.role is Role.DRIVEN
+                    screws_of_role = screws.screw_K if is_driven else screws.screw_D
+                    for k in range(moving_link.v.start, moving_link.v.stop):
+                        screw = screws_of_role[sample[selected], :, k]
+                        component = sign * np.einsum("nc,nc->n", screw, wrench[selected])
+                        if is_driven:
+                            self.efforts[selected, k] -= component
+                        elif moving_link.role is Role.DYNAMIC:
+                            force[selected, k] += component
         self.B = marionette.library.evaluate("solve_factor_transposed", L=L[sample], x=force).y
 
 
-def _groups(held: Mask, first: Indices) -> Iterator[tuple[Indices, Indices, Indices]]:
+def _groups_of_samples(held: Mask, first: Indices) -> Iterator[tuple[Indices, Indices, Indices]]:
     """Samples (m,) with equal held rows (k,) and numbers of contact forces; indices (m, c)."""
     keys = np.hstack([held.astype(np.intp), np.diff(first)[:, None]])
-    kinds, which = np.unique(keys, axis=0, return_inverse=True)
-    for kind, key in enumerate(kinds):
-        samples = np.flatnonzero(which.ravel() == kind)
-        rows, c = np.flatnonzero(key[:-1]), int(key[-1])
-        if len(rows) + c:
-            yield samples, rows, first[samples][:, None] + np.arange(c)
+    distinct_keys, key_index = np.unique(keys, axis=0, return_inverse=True)
+    for k, key in enumerate(distinct_keys):
+        samples = np.flatnonzero(key_index.ravel() == k)
+        rows, n_contact_forces = np.flatnonzero(key[:-1]), int(key[-1])
+        if len(rows) + n_contact_forces:
+            yield samples, rows, first[samples][:, None] + np.arange(n_contact_forces)
 
 
-def _is_weak(marionette: CompiledPuppet, B: Array) -> Mask:
+def _is_nearly_redundant(marionette: CompiledPuppet, B: Array) -> Mask:
     """Whether some change of forces causes almost no motion: (m,) bool."""
     min_eigenvalue = np.linalg.eigvalsh(B @ np.swapaxes(B, 1, 2))[:, 0]
-    return np.asarray(min_eigenvalue < _weak(marionette))
+    return np.asarray(min_eigenvalue < _eigenvalue_threshold(marionette))
 
 
-def _weak(marionette: CompiledPuppet) -> float:
+def _eigenvalue_threshold(marionette: CompiledPuppet) -> float:
     """Eigenvalue of G below which rounding changes forces significantly [1/kg]."""
     return TOLERANCES.acceleration_uncertainty / (
-        TOLERANCES.significant_change * _force(marionette)
+        TOLERANCES.significant_change * _force_scale(marionette)
     )
 
 
-def _force(marionette: CompiledPuppet) -> float:
+def _force_scale(marionette: CompiledPuppet) -> float:
     """Scale of forces: the puppet's weight [N]."""
     return marionette.reference_force or 1.0
 
 
-def _uncertain(marionette: CompiledPuppet, B: Array, S: Array, low: Mask, high: Mask) -> Mask:
+def _is_uncertain(
+    marionette: CompiledPuppet, B: Array, S: Array, at_lower: Mask, at_upper: Mask
+) -> Mask:
     """Whether S x (n,) is significantly uncertain, for forces x (m, k) with bounds: (m, n)."""
-    out = _changes(marionette, B, S)
-    for i in np.flatnonzero(np.any(low | high, axis=1) & np.any(out, axis=1)):
+    is_uncertain = _is_significant(marionette, B, S)
+    for i in np.flatnonzero(np.any(at_lower | at_upper, axis=1) & np.any(is_uncertain, axis=1)):
         size, V = np.linalg.eigh(B[i] @ B[i].T)
-        free = ~_blocked(V[:, size < _weak(marionette)], low[i], high[i])
-        if not np.all(free):
-            out[i] = _changes(marionette, B[i][free], S[i][:, free])
-    return out
+        is_free = ~_is_blocked(
+            V[:, size < _eigenvalue_threshold(marionette)], at_lower[i], at_upper[i]
+        )
+        if not np.all(is_free):
+            is_uncertain[i] = _is_significant(marionette, B[i][is_free], S[i][:, is_free])
+    return is_uncertain
 
 
-def _changes(marionette: CompiledPuppet, B: Array, S: Array) -> Mask:
+def _is_significant(marionette: CompiledPuppet, B: Array, S: Array) -> Mask:
     """Whether a |S G^-1| is significant: (..., n) bool."""
     if not B.shape[-2]:
         return np.zeros(S.shape[:-1], dtype=bool)
     # Solving is several times faster than decompositions of many small matrices.
     G = B @ np.swapaxes(B, -1, -2)
     min_eigenvalue = TOLERANCES.min_regularisation * np.trace(G, axis1=-2, axis2=-1)
-    min_eigenvalue = np.maximum(min_eigenvalue, TOLERANCES.regularisation * _weak(marionette))[
-        ..., None, None
-    ]
+    min_eigenvalue = np.maximum(
+        min_eigenvalue, TOLERANCES.regularisation * _eigenvalue_threshold(marionette)
+    )[..., None, None]
     G = G + min_eigenvalue * np.eye(G.shape[-1])
-    by = np.linalg.norm(np.linalg.solve(G, np.swapaxes(S, -1, -2)), axis=-2)
+    norm = np.linalg.norm(np.linalg.solve(G, np.swapaxes(S, -1, -2)), axis=-2)
     return np.asarray(
-        TOLERANCES.acceleration_uncertainty * by
-        > TOLERANCES.significant_change * _force(marionette)
+        TOLERANCES.acceleration_uncertainty * norm
+        > TOLERANCES.significant_change * _force_scale(marionette)
     )
 
 
-def _blocked(null: Array, low: Mask, high: Mask) -> Mask:
+def _is_blocked(null: Array, at_lower: Mask, at_upper: Mask) -> Mask:
     """Forces (k,) at a bound that no combination of vectors (k, r) moves off it.
 
     By Farkas' lemma, their negative vector lies in the cone of all vectors at bounds.
     """
-    signed = np.where(high[:, None], -null, null)
-    size = np.linalg.norm(signed, axis=1)
-    at = np.flatnonzero((low | high) & (size > TOLERANCES.cone_distance))
-    out = np.zeros(len(null), dtype=bool)
-    for i in at:
-        misses = nonnegative_least_squares(signed[at].T, -signed[i])[1]
-        out[i] = misses <= TOLERANCES.cone_distance * size[i]
-    return out
+    inward = np.where(at_upper[:, None], -null, null)
+    size = np.linalg.norm(inward, axis=1)
+    at_bound = np.flatnonzero((at_lower | at_upper) & (size > TOLERANCES.cone_distance))
+    is_blocked = np.zeros(len(null), dtype=bool)
+    for i in at_bound:
+        distance = nonnegative_least_squares(inward[at_bound].T, -inward[i])[1]
+        is_blocked[i] = distance <= TOLERANCES.cone_distance * size[i]
+    return is_blocked

@@ -11,21 +11,21 @@ from fantoccini.kernel.contract import ENERGY_TERMS
 from fantoccini.motion import LEDGER
 
 
-def ledger_of(part: Mapping[str, Array], at_start: Array | None = None) -> Array:
+def ledger_of(columns: Mapping[str, Array], at_start: Array | None = None) -> Array:
     """Ledger (..., T, 8) from energies, work and losses (..., T).
 
     residual = (T + V) - (T + V)_0 - work + damping + impact + slip + friction
 
     Args:
-        part: energies, work and losses by name [J].
+        columns: energies, work and losses by name [J].
         at_start: (..., 1) T + V at the start [J]; by default that of the first sample.
     """
-    slip = part["slip_loss"]
-    energy = part["kinetic"] + part["potential"]
+    slip = columns["slip_loss"]
+    energy = columns["kinetic"] + columns["potential"]
     at_start = energy[..., :1] if at_start is None else at_start
-    residual = energy - at_start - part["work"] + part["damping"] + part["impact"] + slip
-    residual = residual + part["friction"]
-    entries = {**part, "slip": slip, "residual": residual}
+    residual = energy - at_start - columns["work"] + columns["damping"] + columns["impact"] + slip
+    residual = residual + columns["friction"]
+    entries = {**columns, "slip": slip, "residual": residual}
     return np.stack([entries[name] for name in LEDGER], axis=-1)
 
 

@@ -31,7 +31,7 @@ MAX_ROUNDS = 20
 """Maximum number of rounds; overlaps of flat faces take one."""
 
 
-def parted(marionette: CompiledPuppet, x: State) -> State:
+def separated(marionette: CompiledPuppet, x: State) -> State:
     """The state without small overlaps, such as those after a fixed step.
 
     Velocities are unchanged. If overlaps are deeper, or driven bodies prevent the move, the state
@@ -39,34 +39,41 @@ def parted(marionette: CompiledPuppet, x: State) -> State:
     """
     if marionette.contacts is None or not marionette.coordinates.n_vD:
         return x
-    depth_of_deepest = _deepest(marionette, x)
+    depth_of_deepest = _max_depth(marionette, x)
     if not ROW_TOLERANCES.touching < depth_of_deepest <= ROW_TOLERANCES.stepped_gap:
         return x
-    moved = x
+    moved_state = x
     for _ in range(MAX_ROUNDS):
-        at, rows = Evaluation.of(marionette, moved), list(_rows(marionette, moved))
-        W = at.solve_factor_transposed(np.stack([row for row, _ in rows])).T
+        evaluation, rows = (
+            Evaluation.at_state(marionette, moved_state),
+            list(_rows(marionette, moved_state)),
+        )
+        W = evaluation.solve_factor_transposed(np.stack([row for row, _ in rows])).T
         depth, wires = np.array([depth for _, depth in rows]), marionette.two_sided
-        move = _shortest(
-            np.concatenate([W, at.W, -at.W[:, wires]], axis=1),
-            np.concatenate([depth, at.h, -at.h[wires]]),
+        move = _least_move(
+            np.concatenate([W, evaluation.W, -evaluation.W[:, wires]], axis=1),
+            np.concatenate([depth, evaluation.h, -evaluation.h[wires]]),
         )
         if move is None:
             return x
-        moved = moved.replace(q_D=retract(marionette, moved.q_D, at.solve_factor(move)))
-        if _deepest(marionette, moved) <= MAX_OVERLAP:
-            return moved
+        moved_state = moved_state.replace(
+            q_D=retract(marionette, moved_state.q_D, evaluation.solve_factor(move))
+        )
+        if _max_depth(marionette, moved_state) <= MAX_OVERLAP:
+            return moved_state
     return x
 
 
-def parted_starts(marionette: CompiledPuppet, states: States, p: Array) -> States:
-    """States from :func:`parted`, for one state or many, at parameters (1 or n, n_p)."""
+def separated_starts(marionette: CompiledPuppet, states: States, p: Array) -> States:
+    """States from :func:`separated`, for one state or many, at parameters (1 or n, n_p)."""
     if marionette.contacts is None or not marionette.coordinates.n_vD:
         return states
     gaps = np.concatenate(
         [
-            marionette.library.gaps(marionette.contacts, states.q_D[part], states.q_K[part], p[k])
-            for k, part in enumerate(_lanes(len(states), len(p)))
+            marionette.library.gaps(
+                marionette.contacts, states.q_D[states_of_p], states.q_K[states_of_p], p[k]
+            )
+            for k, states_of_p in enumerate(_lanes(len(states), len(p)))
         ]
     )
     touching = np.flatnonzero(np.min(gaps, axis=1) < -ROW_TOLERANCES.touching)
@@ -86,7 +93,7 @@ def parted_starts(marionette: CompiledPuppet, states: States, p: Array) -> State
             states.slip[i],
             marionette.coordinates,
         )
-        q_D[i] = parted(marionette.with_p(p[i if len(p) > 1 else 0]), x).q_D
+        q_D[i] = separated(marionette.with_p(p[i if len(p) > 1 else 0]), x).q_D
     return replace(states, q_D=q_D)
 
 
@@ -96,7 +103,7 @@ def _lanes(n_states: int, n_p: int) -> Iterator[slice]:
         yield slice(None) if n_p == 1 else slice(0, 1) if n_states == 1 else slice(k, k + 1)
 
 
-def _shortest(W: Array, b: Array) -> Array | None:
+def _least_move(W: Array, b: Array) -> Array | None:
     """Vector z (n,) of least norm with W^T z + b <= 0; None without one.
 
     Least distance programming as non-negative least squares (Lawson and Hanson, *Solving Least
@@ -112,7 +119,7 @@ def _shortest(W: Array, b: Array) -> Array | None:
     return np.asarray(-remaining[:-1] / remaining[-1] * size)
 
 
-def _deepest(marionette: CompiledPuppet, x: State) -> float:
+def _max_depth(marionette: CompiledPuppet, x: State) -> float:
     """Depth of the deepest overlap [m]; -inf without pairs."""
     assert marionette.contacts is not None
     gaps = marionette.library.gaps(marionette.contacts, x.q_D, x.q_K, marionette.p)
@@ -129,5 +136,5 @@ def _rows(marionette: CompiledPuppet, x: State) -> Iterator[tuple[Array, float]]
         twist = screws.subspace(pair.links[0]) - screws.subspace(pair.links[1])
         for values in pair.points.values():
             gap, point, normal = float(values[0]), values[1:4], values[4:7]
-            by = twist[:3].T + np.cross(twist[3:].T, point)
-            yield -by @ normal, -gap
+            velocity_jacobian = twist[:3].T + np.cross(twist[3:].T, point)
+            yield -velocity_jacobian @ normal, -gap

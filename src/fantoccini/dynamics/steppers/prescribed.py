@@ -64,10 +64,10 @@ class Overlap:
 
 def measuring_times(breaks: Times, t: float, t_end: float) -> Times:
     """Times of the first measurements of a motion with these breaks, from t to t_end [s]."""
-    inner = breaks[(breaks > t) & (breaks < t_end)]
-    ends = np.concatenate([[t], inner, [t_end]])
+    inner_breaks = breaks[(breaks > t) & (breaks < t_end)]
+    piece_ends = np.concatenate([[t], inner_breaks, [t_end]])
     share = np.linspace(0.0, 1.0, TOLERANCES.min_samples_per_piece, endpoint=False)
-    return np.append((ends[:-1, None] + np.diff(ends)[:, None] * share).ravel(), t_end)
+    return np.append((piece_ends[:-1, None] + np.diff(piece_ends)[:, None] * share).ravel(), t_end)
 
 
 def prescribed_overlaps(
@@ -86,19 +86,25 @@ def prescribed_overlaps(
     contacts = marionette.prescribed
     if contacts is None:
         return ()
-    measured = _Gaps(marionette, contacts, motion)
-    t, gap = measured.over(np.unique(t))
+    gaps = _Gaps(marionette, contacts, motion)
+    t, gap = gaps.refined(np.unique(t))
     results: list[Overlap] = []
-    for k, names in enumerate(measured.names):
-        inside = gap[:, k] < -TOLERANCES.touching_overlap
-        edges = np.flatnonzero(np.diff(inside))
-        begins = [-1] * bool(inside[0]) + [int(i) for i in edges if not inside[i]]
-        ends = [int(i) for i in edges if inside[i]]
-        for n, i in enumerate(begins):
-            begin, speed = (t[0], 0.0) if i < 0 else measured.crossing(k, t[i], t[i + 1])
-            last = ends[n] if n < len(ends) else len(t) - 1
-            end = measured.crossing(k, t[last], t[last + 1])[0] if n < len(ends) else np.inf
-            depth = -float(np.min(gap[i + 1 : last + 1, k]))
+    for k, names in enumerate(gaps.names):
+        is_overlapping = gap[:, k] < -TOLERANCES.touching_overlap
+        edges = np.flatnonzero(np.diff(is_overlapping))
+        begin_samples = [-1] * bool(is_overlapping[0]) + [
+            int(i) for i in edges if not is_overlapping[i]
+        ]
+        end_samples = [int(i) for i in edges if is_overlapping[i]]
+        for n, i in enumerate(begin_samples):
+            begin, speed = (t[0], 0.0) if i < 0 else gaps.crossing(k, t[i], t[i + 1])
+            last_sample = end_samples[n] if n < len(end_samples) else len(t) - 1
+            end = (
+                gaps.crossing(k, t[last_sample], t[last_sample + 1])[0]
+                if n < len(end_samples)
+                else np.inf
+            )
+            depth = -float(np.min(gap[i + 1 : last_sample + 1, k]))
             results.append(Overlap(names, float(begin), float(end), depth, speed))
     return tuple(sorted(results, key=lambda overlap: overlap.begin))
 
@@ -129,38 +135,42 @@ class _Gaps:
     def __init__(self, marionette: CompiledPuppet, contacts: Contacts, motion: Motion):
         self._marionette, self._contacts, self._motion = marionette, contacts, motion
         self.names = tuple(dict.fromkeys(contacts.names))
-        self._meeting = [self.names.index(names) for names in contacts.names]
+        self._pair_indices = [self.names.index(names) for names in contacts.names]
         self._links = contacts.solids["link"][contacts.pairs]
         n_links = len(marionette.tree.links)
-        self._reach = np.zeros(n_links + 1)  # Last: standing solids, which do not travel
+        self._reaches = np.zeros(n_links + 1)  # Last: standing solids, which do not travel
         for solid in contacts.solids:
             if solid["link"] >= 0:
-                own = _reach(solid, contacts)
-                self._reach[solid["link"]] = max(self._reach[solid["link"]], own)
+                radius = _reaches(solid, contacts)
+                self._reaches[solid["link"]] = max(self._reaches[solid["link"]], radius)
 
-    def over(self, t: Times) -> tuple[Times, Array]:
+    def refined(self, t: Times) -> tuple[Times, Array]:
         """Times (n,) and gaps (n, pairs by name); infinite if a gap cannot close."""
         t, q_K = self._turning_little(t)
         while True:
             travelled = self._travel(q_K)
             margin = float(np.max(travelled, initial=0.0)) + TOLERANCES.max_overlap
             gap = self._gap(q_K, margin)
-            here, there = gap[:-1], gap[1:]
-            deep = np.maximum(here, there) < -TOLERANCES.max_overlap
-            doubtful = (travelled > TOLERANCES.max_travel) & (here + there < travelled) & ~deep
-            which = np.flatnonzero(np.any(doubtful, axis=1))
-            middle = 0.5 * (t[which] + t[which + 1])
-            between = (middle > t[which]) & (middle < t[which + 1])
-            which, middle = which[between], middle[between]
-            if not len(which):
+            gap_before, gap_after = gap[:-1], gap[1:]
+            is_deep = np.maximum(gap_before, gap_after) < -TOLERANCES.max_overlap
+            needs_refining = (
+                (travelled > TOLERANCES.max_travel)
+                & (gap_before + gap_after < travelled)
+                & ~is_deep
+            )
+            refined = np.flatnonzero(np.any(needs_refining, axis=1))
+            middle = 0.5 * (t[refined] + t[refined + 1])
+            is_between = (middle > t[refined]) & (middle < t[refined + 1])
+            refined, middle = refined[is_between], middle[is_between]
+            if not len(refined):
                 return t, gap
             if len(t) > TOLERANCES.max_samples:
                 text = f"{', '.join(map(pair_name, self.names))}: gaps are measured at {len(t)} "
                 text += "times of the inputs, which move too far between them to see every touch"
                 warnings.warn(text, RuntimeWarning, stacklevel=2)
                 return t, gap
-            q_K = np.insert(q_K, which + 1, self._motion(middle), axis=0)
-            t = np.insert(t, which + 1, middle)
+            q_K = np.insert(q_K, refined + 1, self._motion(middle), axis=0)
+            t = np.insert(t, refined + 1, middle)
 
     def _turning_little(self, t: Times) -> tuple[Times, Array]:
         """Times (n,), at most 1 rad of joint rotation apart, and q_K at these.
@@ -169,45 +179,51 @@ class _Gaps:
         """
         q_K = self._motion(t)
         while len(t) <= TOLERANCES.max_samples:
-            turns = np.max(np.abs(np.diff(q_K, axis=0)), axis=1, initial=0.0) > TOLERANCES.max_turn
+            turns_too_far = (
+                np.max(np.abs(np.diff(q_K, axis=0)), axis=1, initial=0.0) > TOLERANCES.max_turn
+            )
             middle = 0.5 * (t[:-1] + t[1:])
-            which = np.flatnonzero(turns & (middle > t[:-1]) & (middle < t[1:]))
-            if not len(which):
+            refined = np.flatnonzero(turns_too_far & (middle > t[:-1]) & (middle < t[1:]))
+            if not len(refined):
                 break
-            q_K = np.insert(q_K, which + 1, self._motion(middle[which]), axis=0)
-            t = np.insert(t, which + 1, middle[which])
+            q_K = np.insert(q_K, refined + 1, self._motion(middle[refined]), axis=0)
+            t = np.insert(t, refined + 1, middle[refined])
         return t, q_K
 
     def crossing(self, k: int, t: float, t_end: float) -> tuple[float, float]:
         """Time at which a gap crosses the touching threshold [s], and its closing speed [m/s]."""
-        ends = np.array([t, t_end])
-        margin = float(np.max(self._travel(self._motion(ends)))) + 1.0
+        bracket = np.array([t, t_end])
+        margin = float(np.max(self._travel(self._motion(bracket)))) + 1.0
 
-        def inside(times: Times) -> MaskRows:
+        def is_overlapping(times: Times) -> MaskRows:
             """Whether the pair overlaps: (n,) bool."""
             return self._gap(self._motion(times), margin)[:, k] < -TOLERANCES.touching_overlap
 
-        first = inside(ends[:1])[0]
+        starts_overlapping = is_overlapping(bracket[:1])[0]
         for _ in range(TOLERANCES.n_bisections):
-            middle = 0.5 * (ends[0] + ends[1])
-            if not ends[0] < middle < ends[1]:
+            middle = 0.5 * (bracket[0] + bracket[1])
+            if not bracket[0] < middle < bracket[1]:
                 break
-            ends[0 if inside(np.array([middle]))[0] == first else 1] = middle
-        at = 0.5 * (ends[0] + ends[1])
+            bracket[0 if is_overlapping(np.array([middle]))[0] == starts_overlapping else 1] = (
+                middle
+            )
+        crossing_time = 0.5 * (bracket[0] + bracket[1])
         step = 1e-6 * max(t_end - t, 1e-9)
-        values = self._gap(self._motion(np.array([at - step, at + step])), margin)[:, k]
+        values = self._gap(
+            self._motion(np.array([crossing_time - step, crossing_time + step])), margin
+        )[:, k]
         speed = float((values[0] - values[1]) / (2.0 * step))
-        return float(at), speed if np.isfinite(speed) else 0.0
+        return float(crossing_time), speed if np.isfinite(speed) else 0.0
 
     def _gap(self, q_K: Array, margin: float) -> Array:
         """Gaps (n, pairs by name) [m]."""
         marionette, n = self._marionette, len(q_K)
         q_D = np.tile(marionette.coordinates.start_D, (n, 1))
         results = marionette.library.gaps(self._contacts, q_D, q_K, marionette.p, margin)
-        out = np.full((n, len(self.names)), np.inf)
-        for k, meeting in enumerate(self._meeting):
-            out[:, meeting] = np.minimum(out[:, meeting], results[:, k])
-        return out
+        gaps = np.full((n, len(self.names)), np.inf)
+        for k, pair_index in enumerate(self._pair_indices):
+            gaps[:, pair_index] = np.minimum(gaps[:, pair_index], results[:, k])
+        return gaps
 
     def _travel(self, q_K: Array) -> Array:
         """Upper bounds (n - 1, pairs by name) of the relative travel of two solids [m]."""
@@ -215,18 +231,20 @@ class _Gaps:
         table = marionette.coordinates
         q_D = np.broadcast_to(table.start_D, (len(q_K), table.n_qD))
         poses = marionette.library.evaluate("poses", q_D=q_D, q_K=q_K, p=marionette.p).poses
-        moved = np.diff(poses, axis=0)
-        turned = np.linalg.norm(moved[:, :9], axis=1) * self._reach[:-1]
-        travelled = np.zeros((len(q_K) - 1, len(self._reach)))
-        travelled[:, :-1] = np.linalg.norm(moved[:, 9:], axis=1) + turned
-        out = np.zeros((len(travelled), len(self.names)))
-        for meeting, links in zip(self._meeting, self._links, strict=True):
-            out[:, meeting] = np.maximum(out[:, meeting], travelled[:, links].sum(axis=1))
-        return out
+        pose_changes = np.diff(poses, axis=0)
+        rotation_travel = np.linalg.norm(pose_changes[:, :9], axis=1) * self._reaches[:-1]
+        travelled = np.zeros((len(q_K) - 1, len(self._reaches)))
+        travelled[:, :-1] = np.linalg.norm(pose_changes[:, 9:], axis=1) + rotation_travel
+        travel = np.zeros((len(travelled), len(self.names)))
+        for pair_index, links in zip(self._pair_indices, self._links, strict=True):
+            travel[:, pair_index] = np.maximum(
+                travel[:, pair_index], travelled[:, links].sum(axis=1)
+            )
+        return travel
 
 
-def _reach(solid: np.void, contacts: Contacts) -> float:
+def _reaches(solid: np.void, contacts: Contacts) -> float:
     """Largest distance of a solid from its link's origin [m]."""
-    ends = max(float(np.linalg.norm(solid["a"])), float(np.linalg.norm(solid["b"])))
-    outer = contacts.hulls[solid["mesh"]].outer if solid["kind"] == SolidKind.HULL else 0.0
-    return ends + float(solid["radius"]) + float(np.linalg.norm(solid["half"])) + outer
+    core_radius = max(float(np.linalg.norm(solid["a"])), float(np.linalg.norm(solid["b"])))
+    hull_radius = contacts.hulls[solid["mesh"]].outer if solid["kind"] == SolidKind.HULL else 0.0
+    return core_radius + float(solid["radius"]) + float(np.linalg.norm(solid["half"])) + hull_radius

@@ -93,47 +93,47 @@ def may_be_redundant(marionette: CompiledPuppet, *, winches: bool = False) -> bo
     from scipy.sparse.csgraph import maximum_bipartite_matching
 
     strings = marionette.tree.strings
-    moved = [
+    moved_velocities = [
         _velocity_indices(marionette, s)
         for s, max_tension in zip(strings, marionette.max_forces[: len(strings)], strict=True)
         if winches or not np.isfinite(max_tension)
     ]
-    moved = [places for places in moved if places]
-    if not moved:
+    moved_velocities = [velocities for velocities in moved_velocities if velocities]
+    if not moved_velocities:
         return False
-    reaches = np.zeros((len(moved), marionette.coordinates.n_vD), dtype=np.int8)
-    for row, places in zip(reaches, moved, strict=True):
-        row[list(places)] = 1
-    own = maximum_bipartite_matching(csr_array(reaches), perm_type="column")
-    return bool(np.any(own < 0))
+    incidence = np.zeros((len(moved_velocities), marionette.coordinates.n_vD), dtype=np.int8)
+    for row, velocities in zip(incidence, moved_velocities, strict=True):
+        row[list(velocities)] = 1
+    matching = maximum_bipartite_matching(csr_array(incidence), perm_type="column")
+    return bool(np.any(matching < 0))
 
 
 def contradiction(marionette: CompiledPuppet, x: State, acc_K: Array) -> Contradiction | None:
     """Contradiction of redundant strings at a state; None without one."""
     x = x.replace(slip=np.maximum(x.slip, 0.0))  # rounding may make the slip negative
-    at = Evaluation.of(marionette, x, acc_K)
+    evaluation = Evaluation.at_state(marionette, x, acc_K)
     n = len(marionette.tree.strings)
     scale = marionette.row_scales(x.q_D, x.q_K)[:n]
-    rigid = ~np.isfinite(marionette.max_forces[:n])
-    holds = np.flatnonzero((at.h[:n] >= -TOLERANCES.taut_gap * scale) & rigid)
-    W = at.W[:, holds]
-    threshold = TOLERANCES.dependence * np.linalg.norm(W, 2) if len(holds) else 0.0
-    if not len(holds) or np.linalg.matrix_rank(W, threshold) == len(holds):
+    is_rigid = ~np.isfinite(marionette.max_forces[:n])
+    rigid_taut = np.flatnonzero((evaluation.h[:n] >= -TOLERANCES.taut_gap * scale) & is_rigid)
+    W = evaluation.W[:, rigid_taut]
+    threshold = TOLERANCES.dependence * np.linalg.norm(W, 2) if len(rigid_taut) else 0.0
+    if not len(rigid_taut) or np.linalg.matrix_rank(W, threshold) == len(rigid_taut):
         return None
-    hddot = at.gamma[holds] + W.T @ at.w0
-    solutions = []
-    for rate in (at.hdot[holds], hddot):
+    hddot = evaluation.gamma[rigid_taut] + W.T @ evaluation.w0
+    stresses_and_rates = []
+    for rate in (evaluation.hdot[rigid_taut], hddot):
         y = _self_stress(W, rate)
         if y is None:
             return None
-        solutions.append((y, float(rate @ y)))
-    (y, speed), (y_rate, acceleration) = solutions
+        stresses_and_rates.append((y, float(rate @ y)))
+    (y, speed), (y_rate, acceleration) = stresses_and_rates
     y = y if speed > TOLERANCES.speed_rounding else y_rate
-    stressed = holds[y > TOLERANCES.min_share * np.max(y)]
-    group, freedoms = _group(marionette, holds, stressed)
-    if not freedoms or len(group) <= freedoms:
+    stressed = rigid_taut[y > TOLERANCES.min_share * np.max(y)]
+    string_group, freedoms = _group(marionette, rigid_taut, stressed)
+    if not freedoms or len(string_group) <= freedoms:
         return None  # a string that moves nothing contradicts its own ends
-    names = tuple(marionette.tree.strings[i].name for i in group)
+    names = tuple(marionette.tree.strings[i].name for i in string_group)
     return Contradiction(names, freedoms, speed, acceleration)
 
 
@@ -151,19 +151,21 @@ def first_excess_tension(
         tension: (T, n_strings) tensions [N].
         motion: callback: sample -> state and driven accelerations.
     """
-    pulls = np.max(tension, axis=1, initial=0.0)
-    large = np.flatnonzero(pulls > TOLERANCES.min_excess * marionette.reference_force)
-    selected = large[:: max(1, len(large) // TOLERANCES.max_samples)]
+    max_tensions = np.max(tension, axis=1, initial=0.0)
+    large_samples = np.flatnonzero(
+        max_tensions > TOLERANCES.min_excess * marionette.reference_force
+    )
+    selected = large_samples[:: max(1, len(large_samples) // TOLERANCES.max_samples)]
     excess = [int(i) for i in selected if _exceeds(marionette, tension[i], *motion(int(i)))]
     return excess[0] if len(excess) >= TOLERANCES.min_samples else None
 
 
 def _exceeds(marionette: CompiledPuppet, tension: Array, x: State, acc_K: Array) -> bool:
-    selected = np.flatnonzero(tension > 0.0)
-    W = Evaluation.of(marionette, x.replace(slip=()), acc_K).W[:, selected]
+    taut = np.flatnonzero(tension > 0.0)
+    W = Evaluation.at_state(marionette, x.replace(slip=()), acc_K).W[:, taut]
     if np.max(np.abs(W), initial=0.0) == 0.0:
         return False  # strings that move nothing pull against no other
-    threshold = np.max(_least_tensions(W, tension[selected]))
+    threshold = np.max(_least_tensions(W, tension[taut]))
     return bool(np.max(tension) > TOLERANCES.min_excess * (threshold + marionette.reference_force))
 
 
@@ -174,26 +176,26 @@ def _self_stress(W: Array, rate: Array) -> Array | None:
     size = np.max(np.abs(W), initial=0.0)
     if size == 0.0:
         return None  # strings that move nothing: each contradicts its own ends
-    equal = np.vstack([W / size, np.ones(len(rate))])
-    right = np.append(np.zeros(len(W)), 1.0)
-    largest = np.max(np.abs(rate), initial=0.0) or 1.0
-    solutions = linprog(-rate / largest, A_eq=equal, b_eq=right, bounds=(0.0, None))
+    equations = np.vstack([W / size, np.ones(len(rate))])
+    right_side = np.append(np.zeros(len(W)), 1.0)
+    rate_scale = np.max(np.abs(rate), initial=0.0) or 1.0
+    solutions = linprog(-rate / rate_scale, A_eq=equations, b_eq=right_side, bounds=(0.0, None))
     return solutions.x if solutions.success else None
 
 
 def _least_tensions(W: Array, x: Array) -> Array:
     """Vector z >= 0 of least norm with W z = W x."""
-    heavy = TOLERANCES.equality_weight / np.max(np.abs(W))
-    tall = np.vstack([heavy * W, np.eye(len(x))])
-    return nonnegative_least_squares(tall, np.append(heavy * (W @ x), 0.0 * x))[0]
+    equality_scale = TOLERANCES.equality_weight / np.max(np.abs(W))
+    stacked = np.vstack([equality_scale * W, np.eye(len(x))])
+    return nonnegative_least_squares(stacked, np.append(equality_scale * (W @ x), 0.0 * x))[0]
 
 
 def _group(marionette: CompiledPuppet, holds: Indices, stressed: Indices) -> tuple[list[int], int]:
     """Taut strings that move only freedoms of stressed strings, and the number of freedoms."""
     strings = marionette.tree.strings
-    moved = set().union(*(_velocity_indices(marionette, strings[i]) for i in stressed))
-    group = [int(i) for i in holds if _velocity_indices(marionette, strings[i]) <= moved]
-    return group, len(moved)
+    moved_velocities = set().union(*(_velocity_indices(marionette, strings[i]) for i in stressed))
+    group = [int(i) for i in holds if _velocity_indices(marionette, strings[i]) <= moved_velocities]
+    return group, len(moved_velocities)
 
 
 def _velocity_indices(marionette: CompiledPuppet, string: StringRow) -> set[int]:
@@ -201,5 +203,5 @@ def _velocity_indices(marionette: CompiledPuppet, string: StringRow) -> set[int]
     tree = marionette.tree
     links_above = {i for point in string.points for i in tree.ancestors(point.link)}
     links = [tree.links[i] for i in links_above if tree.links[i].role is Role.DYNAMIC]
-    places = {k for link in links for k in range(link.v.start, link.v.stop)}
-    return places | ({string.wound_length[1]} if string.wound_length else set())
+    velocities = {k for link in links for k in range(link.v.start, link.v.stop)}
+    return velocities | ({string.wound_length[1]} if string.wound_length else set())

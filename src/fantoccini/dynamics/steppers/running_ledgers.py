@@ -14,10 +14,10 @@ from fantoccini.dynamics.steppers.ledgers import ledger_of
 from fantoccini.dynamics.steppers.soundness import (
     BOUNDS,
     LedgerCheck,
-    excused,
-    fault,
+    excused_share,
+    fault_of_run,
     faults,
-    swings,
+    springs_swing,
 )
 from fantoccini.kernel.contract import ENERGY_TERMS
 from fantoccini.kernel.runtime import LaneRecord
@@ -40,10 +40,10 @@ class RunningLedger:
 
     def __init__(self, marionette: CompiledPuppet, method: str, dt: float, x: State, sample: Array):
         self._marionette, self._method, self._dt, self._x = marionette, method, dt, x
-        part = marionette.sample_layout.split(sample)
-        self._at_start = part["kinetic"] + part["potential"]
-        ledger = dict(zip(LEDGER, ledger_of(part)[0], strict=True))
-        self._check = LedgerCheck(marionette, dt, ledger, part["t"][0])
+        columns = marionette.sample_layout.split(sample)
+        self._start_energy = columns["kinetic"] + columns["potential"]
+        ledger = dict(zip(LEDGER, ledger_of(columns)[0], strict=True))
+        self._check = LedgerCheck(marionette, dt, ledger, columns["t"][0])
         self._unchecked = list[Array]()
         self._swings: bool | None = None
 
@@ -53,7 +53,7 @@ class RunningLedger:
         other._check, other._unchecked = copy.copy(self._check), list(self._unchecked)
         return other
 
-    def take(self, samples: Array) -> None:
+    def add_samples(self, samples: Array) -> None:
         """Takes further samples (T, width)."""
         self._unchecked.append(samples)
         if sum(map(len, self._unchecked)) > _MAX_SAMPLES:
@@ -66,19 +66,19 @@ class RunningLedger:
             violation: largest violation so far [m, rad or 1].
         """
         self._add()
-        share = excused(self._method, float(self._check.share), self._swing)
-        return fault(violation, float(self._check.gain), share)
+        share = excused_share(self._method, float(self._check.share), self._springs_swing)
+        return fault_of_run(violation, float(self._check.gain), share)
 
     def _add(self) -> None:
         if self._unchecked:
-            part = self._marionette.sample_layout.split(np.concatenate(self._unchecked))
-            ledger = np.moveaxis(ledger_of(part, self._at_start), -1, 0)
-            self._check.add(dict(zip(LEDGER, ledger, strict=True)), part["t"])
+            columns = self._marionette.sample_layout.split(np.concatenate(self._unchecked))
+            ledger = np.moveaxis(ledger_of(columns, self._start_energy), -1, 0)
+            self._check.add(dict(zip(LEDGER, ledger, strict=True)), columns["t"])
             self._unchecked = []
 
-    def _swing(self) -> bool:
+    def _springs_swing(self) -> bool:
         if self._swings is None:
-            self._swings = swings(self._marionette, self._x.q_D, self._x.q_K, self._dt)
+            self._swings = springs_swing(self._marionette, self._x.q_D, self._x.q_K, self._dt)
         return self._swings
 
 
@@ -94,7 +94,7 @@ class LaneLedgers:
 
     def __init__(self, marionette: CompiledPuppet, dt: float, record: LaneRecord, t: Array):
         self._marionette, self._dt = marionette, dt
-        self._at_start = np.zeros((len(t), 1))
+        self._start_energy = np.zeros((len(t), 1))
         self._q_D, self._q_K, self._p = record.q_D.copy(), record.q_K.copy(), record.p
         self._swings: dict[int, bool] = {}
         start = self._entries(record, slice(None))
@@ -110,27 +110,27 @@ class LaneLedgers:
     def add(self, record: LaneRecord, t: Array) -> None:
         """Adds the ends of a piece."""
         terms = np.concatenate([record.energy, record.energy_terms], axis=1)[:, None]
-        part = dict(zip(ENERGY_TERMS, np.moveaxis(terms, -1, 0), strict=True))
-        ledger = np.moveaxis(ledger_of(part, self._at_start), -1, 0)
+        columns = dict(zip(ENERGY_TERMS, np.moveaxis(terms, -1, 0), strict=True))
+        ledger = np.moveaxis(ledger_of(columns, self._start_energy), -1, 0)
         self._check.add(dict(zip(LEDGER, ledger, strict=True)), t[:, None])
 
     def faults(self, violation: Array) -> NDArray[np.int32]:
         """``Status`` numbers (n,): DONE or the fault of the steps so far."""
         share = self._check.share.copy()
         for i in np.flatnonzero(share > BOUNDS.max_unbalanced).tolist():
-            share[i] = excused("timestepping", share[i], partial(self._swing, i))
+            share[i] = excused_share("timestepping", share[i], partial(self._springs_swing, i))
         return faults(violation, self._check.gain, share).astype(np.int32)
 
     def _entries(self, record: LaneRecord, runs: NDArray[np.intp] | slice) -> dict[str, Array]:
         """Entries (m,) of ledgers at the start of runs; also sets their energy at the start."""
         terms = np.concatenate([record.energy, record.energy_terms], axis=1)[runs]
-        self._at_start[runs] = np.sum(record.energy[runs], axis=1, keepdims=True)
-        part = dict(zip(ENERGY_TERMS, terms.T, strict=True))
-        ledger = ledger_of(part, self._at_start[runs, 0])
+        self._start_energy[runs] = np.sum(record.energy[runs], axis=1, keepdims=True)
+        columns = dict(zip(ENERGY_TERMS, terms.T, strict=True))
+        ledger = ledger_of(columns, self._start_energy[runs, 0])
         return dict(zip(LEDGER, ledger.T, strict=True))
 
-    def _swing(self, i: int) -> bool:
+    def _springs_swing(self, i: int) -> bool:
         if i not in self._swings:
             marionette = self._marionette.with_p(self._p[i])
-            self._swings[i] = swings(marionette, self._q_D[i], self._q_K[i], self._dt)
+            self._swings[i] = springs_swing(marionette, self._q_D[i], self._q_K[i], self._dt)
         return self._swings[i]

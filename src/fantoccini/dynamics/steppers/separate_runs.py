@@ -14,7 +14,7 @@ from fantoccini.kernel.contract import SUMS
 from fantoccini.kernel.runtime import LaneRecord, RunOptions
 from fantoccini.motion import State
 
-_STATE = ("q_D", "v_D", "q_K", "v_K", "slip")
+_STATE_FIELDS = ("q_D", "v_D", "q_K", "v_K", "slip")
 
 
 class Engine(Protocol):
@@ -80,13 +80,13 @@ class SeparateRuns:
             float(self._t[i]),
             taut=np.zeros(marionette.tree.n_rows, dtype=bool),
             coordinates=marionette.coordinates,
-            **{name: getattr(record, name)[i] for name in _STATE},
+            **{name: getattr(record, name)[i] for name in _STATE_FIELDS},
         )
         self._steppers[i] = Stepper(marionette, x0, self._method, self._options)
 
     def _store(self, i: int, stepper: Stepper, advanced: float) -> None:
         record, x = self._record, stepper.state
-        for name in _STATE:
+        for name in _STATE_FIELDS:
             getattr(record, name)[i] = getattr(x, name)
         record.taut[i], record.tension[i] = x.taut, stepper.tension
         record.advanced[i] = advanced

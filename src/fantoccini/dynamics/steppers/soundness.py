@@ -56,26 +56,26 @@ def faults(violation: Array, gain: Array, unbalanced: Array) -> Array:
     return np.where(violation <= BOUNDS.max_violation, status, int(Status.OVERSTEPPED))
 
 
-def fault(violation: float, gain: float, unbalanced: float) -> Status:
+def fault_of_run(violation: float, gain: float, unbalanced: float) -> Status:
     """Status of one run; see :func:`faults`."""
     numbers = map(np.asarray, (violation, gain, unbalanced))
     return Status(int(faults(*numbers)))
 
 
-def excused(method: str, share: float, swings: Callable[[], bool]) -> float:
+def excused_share(method: str, share: float, springs_swing: Callable[[], bool]) -> float:
     """Share of a :class:`LedgerCheck`, or 0 if sound steps of the method have such a share too.
 
     Args:
         method: method of the run.
         share: share.
-        swings: callback for :func:`swings`, which is called for large shares only.
+        springs_swing: callback for :func:`springs_swing`, which is called for large shares only.
     """
-    if share > BOUNDS.max_unbalanced and (method != "timestepping" or swings()):
+    if share > BOUNDS.max_unbalanced and (method != "timestepping" or springs_swing()):
         return 0.0
     return share
 
 
-def swings(marionette: CompiledPuppet, q_D: Array, q_K: Array, dt: float) -> bool:
+def springs_swing(marionette: CompiledPuppet, q_D: Array, q_K: Array, dt: float) -> bool:
     """Whether fast springs or chains make the energy of sound steps oscillate by a tenth.
 
     If the step is the fraction s of the longest stable one, it oscillates by 2 s / (1 - s), without
@@ -121,14 +121,16 @@ class LedgerCheck:
         p: Array | None = None,
     ):
         self._marionette, self._dt = marionette, dt
-        self._at = _start(ledger, t) | _scales(marionette, p)
+        self._memory = _start_memory(ledger, t) | _energy_scales(marionette, p)
 
     def restart(self, runs: Indices, ledger: Mapping[str, Array], t: Times, p: Array) -> None:
         """Restarts m of the runs, with their ledger entries (m,), times (m,) and parameters
         (m, n_p)."""
-        for name, values in (_start(ledger, t) | _scales(self._marionette, p)).items():
-            self._at[name] = self._at[name].copy()
-            self._at[name][..., runs] = values
+        for name, values in (
+            _start_memory(ledger, t) | _energy_scales(self._marionette, p)
+        ).items():
+            self._memory[name] = self._memory[name].copy()
+            self._memory[name][..., runs] = values
 
     def add(self, ledger: Mapping[str, Array] | Columns, t: Times) -> Array:
         """Adds samples, and returns the shares (..., T + 1) of the last sample and of these.
@@ -137,61 +139,68 @@ class LedgerCheck:
             ledger: entries (..., T) of the ledgers [J].
             t: (..., T) or (T,) their times [s].
         """
-        at = self._at
-        new = np.stack([np.asarray(ledger[name]) for name in _ENTRIES])
-        entries = np.concatenate([at["entries"][..., None], new], axis=-1)
-        t = np.concatenate([at["t"][..., None], np.broadcast_to(t, new.shape[1:])], axis=-1)
-        peaks = _peaks(entries)
-        peaks[..., 0] = np.maximum(peaks[..., 0], at["peaks"])
+        memory = self._memory
+        new_entries = np.stack([np.asarray(ledger[name]) for name in _ENTRIES])
+        entries = np.concatenate([memory["entries"][..., None], new_entries], axis=-1)
+        t = np.concatenate(
+            [memory["t"][..., None], np.broadcast_to(t, new_entries.shape[1:])], axis=-1
+        )
+        peaks = _exchanged_energies(entries)
+        peaks[..., 0] = np.maximum(peaks[..., 0], memory["peaks"])
         peaks = np.maximum.accumulate(peaks, axis=-1)
-        step = np.minimum(self._dt, t - at["since"][..., None])
+        step = np.minimum(self._dt, t - memory["since"][..., None])
         exchanged = (
-            np.sum(peaks, axis=0) + at["coarse"][..., None] * step**2 + BOUNDS.available_energy
+            np.sum(peaks, axis=0) + memory["coarse"][..., None] * step**2 + BOUNDS.available_energy
         )
         _, _, work, damping, residual = entries
-        damped = np.zeros((*t.shape[:-1], t.shape[-1] + 1))
-        damped[..., 0] = at["damped"]
-        damped[..., 1:-1] = np.abs(np.diff(damping)) / np.maximum(np.diff(t) / self._dt, 1.0)
-        late = np.maximum(damped[..., 1:], damped[..., :-1])
-        shares = np.maximum(np.abs(residual) - late, 0.0) / exchanged
-        self._at = at | {
+        damping_steps = np.zeros((*t.shape[:-1], t.shape[-1] + 1))
+        damping_steps[..., 0] = memory["damped"]
+        damping_steps[..., 1:-1] = np.abs(np.diff(damping)) / np.maximum(np.diff(t) / self._dt, 1.0)
+        damping_lag = np.maximum(damping_steps[..., 1:], damping_steps[..., :-1])
+        shares = np.maximum(np.abs(residual) - damping_lag, 0.0) / exchanged
+        self._memory = memory | {
             "entries": entries[..., -1],
             "t": t[..., -1],
             "peaks": peaks[..., -1],
-            "damped": damped[..., -2],
-            "worked": at["worked"] + np.sum(np.abs(np.diff(work)), axis=-1),
-            "risen": np.maximum(at["risen"], np.max(residual, axis=-1)),
-            "earlier": np.maximum(at["earlier"], np.max(shares[..., :-1], axis=-1, initial=0.0)),
+            "damped": damping_steps[..., -2],
+            "worked": memory["worked"] + np.sum(np.abs(np.diff(work)), axis=-1),
+            "risen": np.maximum(memory["risen"], np.max(residual, axis=-1)),
+            "earlier": np.maximum(
+                memory["earlier"], np.max(shares[..., :-1], axis=-1, initial=0.0)
+            ),
             "share": shares[..., -1],
         }
         return shares
 
     @property
     def share(self) -> Array:
-        return np.maximum(self._at["earlier"], self._at["share"])
+        return np.maximum(self._memory["earlier"], self._memory["share"])
 
     @property
     def gain(self) -> Array:
-        at = self._at
-        fallen = at["V_0"] + at["peaks"][2]
-        return np.asarray(at["risen"] / (at["T_0"] + fallen + at["worked"] + at["available"]))
+        memory = self._memory
+        available_potential = memory["V_0"] + memory["peaks"][2]
+        return np.asarray(
+            memory["risen"]
+            / (memory["T_0"] + available_potential + memory["worked"] + memory["available"])
+        )
 
     def __copy__(self) -> LedgerCheck:
         # The arrays are replaced, and never written in place.
         other = object.__new__(LedgerCheck)
-        other.__dict__.update(self.__dict__, _at=dict(self._at))
+        other.__dict__.update(self.__dict__, _memory=dict(self._memory))
         return other
 
 
-def _scales(marionette: CompiledPuppet, p: Array | None) -> dict[str, Array]:
+def _energy_scales(marionette: CompiledPuppet, p: Array | None) -> dict[str, Array]:
     """Energy (...,) that always counts as available [J], and energy of a fall by its squared
     duration [J/s^2]."""
     if p is None:
         weight, mass = np.array(marionette.weight), np.array(marionette.mass)
     else:
-        rows, run = np.unique(p, axis=0, return_inverse=True)
+        rows, run_index = np.unique(p, axis=0, return_inverse=True)
         puppets = [marionette.with_p(row) for row in rows]
-        weight, mass = np.array([(m.weight, m.mass) for m in puppets]).T[:, run.ravel()]
+        weight, mass = np.array([(m.weight, m.mass) for m in puppets]).T[:, run_index.ravel()]
     g = weight / np.maximum(mass, BOUNDS.available_energy)
     return {
         "available": BOUNDS.available_fall * weight + BOUNDS.available_energy,
@@ -199,16 +208,16 @@ def _scales(marionette: CompiledPuppet, p: Array | None) -> dict[str, Array]:
     }
 
 
-def _start(ledger: Mapping[str, Array], t: Times) -> dict[str, Array]:
+def _start_memory(ledger: Mapping[str, Array], t: Times) -> dict[str, Array]:
     """Memory of a :class:`LedgerCheck` at the start of its runs."""
     entries = np.stack([np.asarray(ledger[name], dtype=float) for name in _ENTRIES])
     t = np.array(np.broadcast_to(t, entries.shape[1:]), dtype=float)
-    at = {"entries": entries, "t": t, "since": t, "peaks": _peaks(entries)}
+    at = {"entries": entries, "t": t, "since": t, "peaks": _exchanged_energies(entries)}
     at |= {"T_0": entries[0], "V_0": entries[1]}
     return at | dict.fromkeys(("damped", "worked", "risen", "earlier", "share"), np.zeros(t.shape))
 
 
-def _peaks(entries: Array) -> Array:
+def _exchanged_energies(entries: Array) -> Array:
     """(4, ...) energies whose largest values are those exchanged: T, V, -V, and work [J]."""
     T, V, work = entries[:3]
     return np.stack([T, V, -V, np.abs(work)])

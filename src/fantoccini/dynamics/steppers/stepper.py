@@ -29,7 +29,7 @@ from fantoccini.dynamics.compiled import (
     vector,
 )
 from fantoccini.dynamics.steppers.determinacy import ForceSamples, undetermined
-from fantoccini.dynamics.steppers.parting import parted
+from fantoccini.dynamics.steppers.parting import separated
 from fantoccini.dynamics.steppers.prescribed import (
     measuring_times,
     overlap_events,
@@ -84,20 +84,22 @@ class Stepper:
         self.marionette = marionette
         self.method = method
         self.state, self._end = x0.replace(coordinates=marionette.coordinates), x0.t
-        self._measured, self._overlap = x0.t, 0.0
-        self._options, self._run, self._held = options, *self._new_run(options)
+        self._overlaps_measured_until, self._max_overlap = x0.t, 0.0
+        self._options, self._run, self._held_input = options, *self._new_run(options)
         piece = self._run.present()
         self.samples, self.events, self.contacts = piece.samples[-1:], *piece[1:]
         self._ledger = self._new_ledger(self.samples)
-        self.tension = self.samples[0, marionette.sample_layout.places["tension"]]
+        self.tension = self.samples[0, marionette.sample_layout.columns["tension"]]
         self.contradiction: Contradiction | None = None
 
     @classmethod
-    def of(cls, marionette: CompiledPuppet, x0: State, method: Method | MethodName) -> Stepper:
+    def from_state(
+        cls, marionette: CompiledPuppet, x0: State, method: Method | MethodName
+    ) -> Stepper:
         """A stepper, after checking its start and step; see :meth:`Marionette.stepper`."""
         method = as_method(method)
         if method.name == "event":
-            x0 = parted(marionette, x0)
+            x0 = separated(marionette, x0)
         check_start(marionette, x0, method.name)
         options = marionette.run_options(**method.options)
         check_step(marionette, method.name, x0.q_D, x0.q_K, options.dt)
@@ -107,13 +109,15 @@ class Stepper:
         """A run from the present state with constant driven velocities, and its inputs."""
         marionette = self.marionette
         library = marionette.libraries.library_of(self.method)
-        coasting = held_input(marionette, self.state, options.dt, None, None)
-        arguments = options, self.state, marionette.p, marionette.winches, coasting
-        return Run(library, self.method, *arguments), coasting
+        constant_input = held_input(marionette, self.state, options.dt, None, None)
+        arguments = options, self.state, marionette.p, marionette.winches, constant_input
+        return Run(library, self.method, *arguments), constant_input
 
     def __getstate__(self) -> dict[str, Any]:
         # The run belongs to the library, which returns it as bytes.
-        return {name: x for name, x in vars(self).items() if name not in ("_run", "_held")} | {
+        return {
+            name: x for name, x in vars(self).items() if name not in ("_run", "_held_input")
+        } | {
             "_status": int(self._run.status),
             "_memory": (self._run.library.key, self._run.checkpoint()),
         }
@@ -122,13 +126,13 @@ class Stepper:
         pickled = dict(pickled)
         status, (library, memory) = pickled.pop("_status"), pickled.pop("_memory")
         self.__dict__.update(pickled)
-        self._run, self._held = self._new_run(self._options)
-        present = self._run.present()
+        self._run, self._held_input = self._new_run(self._options)
+        current = self._run.present()
         if self._run.library.key == library:
             self._run.restore(memory)
             self._ledger = copy.copy(self._ledger)
         else:
-            self._ledger = self._new_ledger(present.samples[-1:])
+            self._ledger = self._new_ledger(current.samples[-1:])
         self._run.status = Status(status)
 
     @property
@@ -159,26 +163,26 @@ class Stepper:
 
         For all methods, it includes the overlap of solids with prescribed motion.
         """
-        return max(float(self._run.progress.violation), self._overlap)
+        return max(float(self._run.progress.violation), self._max_overlap)
 
     @property
     def undetermined(self) -> tuple[str, ...]:
         """Names of strings and driven velocities whose tensions or efforts are not determined."""
         marionette = self.marionette
-        part = marionette.sample_layout.split(self.samples[-1:])
+        columns = marionette.sample_layout.split(self.samples[-1:])
         n_s, contact = len(marionette.tree.strings), None
         if marionette.contacts is not None:
             rows = self.contacts[self.contacts[:, 0] == len(self.samples) - 1]  # a copy
             rows[:, 0] = 0.0
             contact = contact_points(rows, marionette.contacts.names)
         samples = ForceSamples(
-            q_D=part["q_D"],
-            v_D=part["v_D"],
-            q_K=part["q_K"],
-            v_K=part["v_K"],
-            force=part["tension"],
-            taut=np.asarray(part["taut"][:, :n_s], dtype=bool),
-            slip=part["slip"],
+            q_D=columns["q_D"],
+            v_D=columns["v_D"],
+            q_K=columns["q_K"],
+            v_K=columns["v_K"],
+            force=columns["tension"],
+            taut=np.asarray(columns["taut"][:, :n_s], dtype=bool),
+            slip=columns["slip"],
             method=self.method,
             contact=contact,
         )
@@ -232,7 +236,7 @@ class Stepper:
             )
         if inputs is None:
             self._hold(duration, acc_K, u_D)
-            piece_inputs: Input | HeldInput = self._held
+            piece_inputs: Input | HeldInput = self._held_input
         else:
             t = self.state.t
             piece_inputs = bind_input(
@@ -251,10 +255,10 @@ class Stepper:
         self._add_prescribed_touches(piece_inputs)
         self._diagnose()
         if not self.arrived and throw:
-            where = f"at t = {self.state.t:.6g} s"
+            message = f"at t = {self.state.t:.6g} s"
             if self.contradiction:
-                where += f": {self.contradiction}"
-            raise SimulationError(self.status, where)
+                message += f": {self.contradiction}"
+            raise SimulationError(self.status, message)
         return self.state
 
     def run(
@@ -302,9 +306,9 @@ class Stepper:
             return
         layout, last = self.marionette.sample_layout, self.samples[-1]
         self.state = layout.state(last)
-        self.tension = last[layout.places["tension"]]
+        self.tension = last[layout.columns["tension"]]
         if self._ledger is not None:
-            self._ledger.take(self.samples)
+            self._ledger.add_samples(self.samples)
 
     def _new_ledger(self, sample: Array) -> RunningLedger | None:
         """Energy balance that begins with a sample (1, width); None for method ``event``."""
@@ -315,20 +319,20 @@ class Stepper:
     def _add_prescribed_touches(self, inputs: Input | HeldInput) -> None:
         """Adds events of solids with prescribed motion that touch or separate."""
         marionette = self.marionette
-        if marionette.prescribed is None or not self.state.t > self._measured:
+        if marionette.prescribed is None or not self.state.t > self._overlaps_measured_until:
             return
 
         def motion(t: Array) -> Array:
             return inputs.evaluate(t)[0] if isinstance(inputs, Input) else inputs.evaluate(t)
 
         if isinstance(inputs, Input):
-            times = measuring_times(inputs.breaks, self._measured, self.state.t)
+            times = measuring_times(inputs.breaks, self._overlaps_measured_until, self.state.t)
         else:  # constant acceleration
-            times = np.linspace(self._measured, self.state.t, 3)
+            times = np.linspace(self._overlaps_measured_until, self.state.t, 3)
         overlaps = prescribed_overlaps(marionette, motion, times)
-        events = overlap_events(marionette, overlaps, self._measured)
-        self._measured = self.state.t
-        self._overlap = max([self._overlap, *(overlap.depth for overlap in overlaps)])
+        events = overlap_events(marionette, overlaps, self._overlaps_measured_until)
+        self._overlaps_measured_until = self.state.t
+        self._max_overlap = max([self._max_overlap, *(overlap.depth for overlap in overlaps)])
         if len(events):
             all_events = np.concatenate([self.events, events])
             self.events = all_events[np.argsort(all_events[:, EVENT_AT["t"]], kind="stable")]
@@ -345,12 +349,12 @@ class Stepper:
         """Sets the held input to constant accelerations and forces from the present state."""
         table = self.marionette.coordinates
         if isinstance(acc_K, Mapping):
-            named, acc_K = acc_K, np.zeros(table.n_vK)
-            for name, value in named.items():
+            acc_by_name, acc_K = acc_K, np.zeros(table.n_vK)
+            for name, value in acc_by_name.items():
                 if name not in table.v_K:
                     raise UnknownNameError("driven velocity", name, table.v_K)
                 acc_K[table.v_K.index(name)] = value
-        _fill(self._held, self.marionette, self.state, duration, acc_K, u_D)
+        _fill_held_input(self._held_input, self.marionette, self.state, duration, acc_K, u_D)
 
 
 def held_input(
@@ -358,11 +362,11 @@ def held_input(
 ) -> HeldInput:
     """Inputs from a state, with constant accelerations (n_vK,) and forces (n_vD,)."""
     constant_input = HeldInput(marionette.coordinates)
-    _fill(constant_input, marionette, x, duration, acc_K, u_D)
+    _fill_held_input(constant_input, marionette, x, duration, acc_K, u_D)
     return constant_input
 
 
-def _fill(
+def _fill_held_input(
     held: HeldInput,
     marionette: CompiledPuppet,
     x: State,

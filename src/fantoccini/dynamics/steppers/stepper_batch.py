@@ -39,7 +39,7 @@ from fantoccini.motion import State, States
 
 T = TypeVar("T", bound=np.generic)
 
-_STATE = ("q_D", "v_D", "q_K", "v_K", "slip")
+_STATE_FIELDS = ("q_D", "v_D", "q_K", "v_K", "slip")
 
 
 class StepperBatch:
@@ -86,14 +86,14 @@ class StepperBatch:
         counts = {"states": len(states), "values of parameters": len(p)}
         if n is None:
             n = max(counts.values())
-        n = checked_integer("n", n, low=1)
+        n = checked_integer("n", n, minimum=1)
         for quantity, count in counts.items():
             if count not in (1, n):
                 raise StateError(f"found {count} {quantity} for {n} runs; give one, or {n}")
         self.marionette, self.method, self._n = marionette, method_options.name, n
         options = marionette.run_options(**method_options.options)
         threads = (
-            default_threads() if threads is None else checked_integer("threads", threads, low=1)
+            default_threads() if threads is None else checked_integer("threads", threads, minimum=1)
         )
         self.t = np.zeros(n)
         self._record = record = LaneRecord(n, marionette.tree.sizes)
@@ -102,7 +102,7 @@ class StepperBatch:
         self.slip, self.energy_terms = record.slip, record.energy_terms
         self.violation, self.status = record.violation, record.status.copy()
         self._ledgers: LaneLedgers | None = None
-        self._starts, self._parameters = states, p
+        self._start_states, self._parameters = states, p
         self._options, self._threads = options, threads
         self._engine = self._new_engine()
         self.reset()
@@ -159,9 +159,9 @@ class StepperBatch:
         """Names with a share above ``min_share`` in causing the status of run i."""
         share = self._record.attribution[i]
         return tuple(
-            n
-            for n, x in zip(self.marionette.tree.attributable, share, strict=True)
-            if x > min_share
+            name
+            for name, row_share in zip(self.marionette.tree.attributable, share, strict=True)
+            if row_share > min_share
         )
 
     def undetermined(self, i: int) -> tuple[str, ...]:
@@ -172,17 +172,17 @@ class StepperBatch:
         """
         if isinstance(self._engine, SeparateRuns):
             return self._engine.stepper(i).undetermined
-        own, marionette = [i], self.marionette.with_p(self.p[i])
+        run_index, marionette = [i], self.marionette.with_p(self.p[i])
         if marionette.contacts is not None:
             return Stepper(marionette, self.state(i), self.method, self._options).undetermined
         samples = ForceSamples(
-            q_D=self.q_D[own],
-            v_D=self.v_D[own],
-            q_K=self.q_K[own],
-            v_K=self.v_K[own],
-            force=self.tension[own],
-            taut=self.taut[own, : len(marionette.tree.strings)],
-            slip=self.slip[own],
+            q_D=self.q_D[run_index],
+            v_D=self.v_D[run_index],
+            q_K=self.q_K[run_index],
+            v_K=self.v_K[run_index],
+            force=self.tension[run_index],
+            taut=self.taut[run_index, : len(marionette.tree.strings)],
+            slip=self.slip[run_index],
             method=self.method,
         )
         flags = undetermined(marionette, samples)
@@ -194,7 +194,7 @@ class StepperBatch:
             float(self.t[i]),
             taut=self.taut[i],
             coordinates=self.marionette.coordinates,
-            **{name: getattr(self, name)[i] for name in _STATE},
+            **{name: getattr(self, name)[i] for name in _STATE_FIELDS},
         )
 
     def reset(
@@ -221,27 +221,31 @@ class StepperBatch:
             return
         m, marionette = len(runs), self.marionette
         if x0 is None:
-            states = _states_of(self._starts, runs)
+            states = _states_of(self._start_states, runs)
         else:
             states = marionette.states([x0] if isinstance(x0, State) else list(x0))
-        p = _rows("parameters", parameter_rows(marionette, parameters), m)
+        p = _checked_rows("parameters", parameter_rows(marionette, parameters), m)
         if parameters is None:
             p = self._parameters if len(self._parameters) == 1 else self._parameters[runs]
-        times = _rows("t", arrays.pop("t", np.full(1, states.t)), m)
-        parts = {name: getattr(states, name) for name in _STATE}
+        times = _checked_rows("t", arrays.pop("t", np.full(1, states.t)), m)
+        state_arrays = {name: getattr(states, name) for name in _STATE_FIELDS}
         for name, array in arrays.items():
-            if name not in parts:
-                raise TypeError(f"reset has no {name!r}; allowed: t, {', '.join(_STATE)}")
-            width = parts[name].shape[1]
-            parts[name] = np.atleast_2d(vectors(name, array, width))
-        parts = {name: _rows(name, x, m) for name, x in parts.items()}
-        taut = _rows("x0", states.taut if not arrays else np.zeros_like(states.taut), m)
-        rows = max(len(x) for x in parts.values())  # arrays may have m rows, and a start state one
-        parts = {name: np.repeat(x, rows // len(x), axis=0) for name, x in parts.items()}
-        starts = States(states.t, **parts, taut=np.repeat(taut, rows // len(taut), axis=0))
+            if name not in state_arrays:
+                raise TypeError(f"reset has no {name!r}; allowed: t, {', '.join(_STATE_FIELDS)}")
+            width = state_arrays[name].shape[1]
+            state_arrays[name] = np.atleast_2d(vectors(name, array, width))
+        state_arrays = {name: _checked_rows(name, x, m) for name, x in state_arrays.items()}
+        taut = _checked_rows("x0", states.taut if not arrays else np.zeros_like(states.taut), m)
+        rows = max(
+            len(x) for x in state_arrays.values()
+        )  # arrays may have m rows, and a start state one
+        state_arrays = {
+            name: np.repeat(x, rows // len(x), axis=0) for name, x in state_arrays.items()
+        }
+        starts = States(states.t, **state_arrays, taut=np.repeat(taut, rows // len(taut), axis=0))
         check_starts(marionette, starts, self.method, p)
         check_steps(marionette, self.method, starts, p, self._options.dt)
-        for name, x in parts.items():
+        for name, x in state_arrays.items():
             getattr(self._record, name)[runs] = x
         self.p[runs], self.t[runs] = p, times
         self._record.fresh[runs] = True
@@ -276,7 +280,7 @@ class StepperBatch:
         acc = self._accelerations(acc_K)
         force = None
         if u_D is not None:
-            force = _rows("u_D", np.atleast_2d(vectors("u_D", u_D, table.n_vD)), self._n)
+            force = _checked_rows("u_D", np.atleast_2d(vectors("u_D", u_D, table.n_vD)), self._n)
         is_running = self.arrived
         self._engine.advance(duration, acc, force)
         self.t[is_running] += self._record.advanced[is_running]
@@ -291,8 +295,8 @@ class StepperBatch:
         if self._ledgers is not None:
             is_running = np.isin(self.status, ARRIVED)
             faults = self._ledgers.faults(self.violation)
-            faulty = is_running & (faults != Status.DONE)
-            self.status[faulty] = faults[faulty]
+            is_faulty = is_running & (faults != Status.DONE)
+            self.status[is_faulty] = faults[is_faulty]
 
     def _accelerations(self, array: Array | Mapping[str, Array | float] | None) -> Array:
         """Accelerations (1 or n, n_vK) of all runs."""
@@ -301,7 +305,7 @@ class StepperBatch:
             return np.zeros((1, table.n_vK))
         if not isinstance(array, Mapping):
             rows = np.atleast_2d(vectors("acc_K", array, table.n_vK))
-            return _rows("acc_K", rows, self._n)
+            return _checked_rows("acc_K", rows, self._n)
         acc = np.zeros((self._n, table.n_vK))
         for name, values in array.items():
             if name not in table.v_K:
@@ -331,11 +335,11 @@ def _states_of(states: States, runs: NDArray[np.intp]) -> States:
     """States of selected runs; a single state is shared by all."""
     if len(states) == 1:
         return states
-    parts = {name: getattr(states, name)[runs] for name in (*_STATE, "taut")}
+    parts = {name: getattr(states, name)[runs] for name in (*_STATE_FIELDS, "taut")}
     return States(states.t, **parts)
 
 
-def _rows(name: str, values: NDArray[T], n: int) -> NDArray[T]:
+def _checked_rows(name: str, values: NDArray[T], n: int) -> NDArray[T]:
     """Values (n, ...) or (1, ...); StateError for other numbers of rows."""
     if len(values) not in (1, n):
         raise StateError(f"{name} has {len(values)} rows; it must have 1 or {n}")

@@ -45,8 +45,8 @@ def decide(
         return Verdict(Status.REDUNDANT_STRINGS, contradiction)
     status, reasons = reported, list[str]()
     for check in checks if reported in ARRIVED else ():
-        outcome, reason = check()
-        if outcome is not Status.DONE and status in (*ARRIVED, outcome):
-            status = outcome
+        check_status, reason = check()
+        if check_status is not Status.DONE and status in (*ARRIVED, check_status):
+            status = check_status
             reasons += [reason] if reason else []
     return Verdict(status, None, "; ".join(reasons))

@@ -38,10 +38,10 @@ from fantoccini.kernel.build.entry import LIBRARY, READ, Source, is_whole, seal,
 from fantoccini.kernel.build.folders import (
     UnusableError,
     cache_folder,
-    distrust,
-    distrust_entry,
     open_lock,
     private_folder,
+    reason_for_distrust,
+    reason_for_distrust_of_entry,
 )
 from fantoccini.kernel.build.kept import PIECES, RESULTS
 from fantoccini.kernel.build.key import fingerprint, runtime_folder
@@ -119,7 +119,7 @@ def clear() -> int:
         BuildError: the folder is another user's, or something in it cannot be removed.
     """
     root = cache_folder()
-    if reason := distrust(root):
+    if reason := reason_for_distrust(root):
         raise BuildError(f"the cache is not cleared: {reason}")
     libraries = entries(root)
     try:
@@ -179,14 +179,18 @@ def _obtain_in(
 ) -> Path:
     """:func:`obtain` in one cache folder; raises UnusableError if the folder cannot be used."""
     entry = root / key[:2] / key
-    if reason := distrust(root) or distrust(entry.parent):
+    if reason := reason_for_distrust(root) or reason_for_distrust(entry.parent):
         raise UnusableError(reason)
     if not rebuild and _is_usable(entry):
         return entry
     _make_parent(root, entry.parent)
     with _lock(entry.parent / f"{key}.lock", root, report) as waited:
         # Another process may have compiled it in the meantime.
-        if (waited or not rebuild) and not distrust_entry(entry, READ) and is_whole(entry):
+        if (
+            (waited or not rebuild)
+            and not reason_for_distrust_of_entry(entry, READ)
+            and is_whole(entry)
+        ):
             return entry
         for folder in _leftovers(root, age=1.0):
             shutil.rmtree(folder, ignore_errors=True)
@@ -198,7 +202,7 @@ def _obtain_in(
 
 def _is_usable(entry: Path) -> bool:
     """Whether an entry is complete and trusted; warns of one that other users can change."""
-    if reason := distrust_entry(entry, READ):
+    if reason := reason_for_distrust_of_entry(entry, READ):
         warnings.warn(f"{reason}; the puppet is compiled again", RuntimeWarning, stacklevel=2)
         return False
     return is_whole(entry)
@@ -210,7 +214,7 @@ def _make_parent(root: Path, parent: Path) -> None:
         # One after the other: mkdir applies the mode only to the last folder.
         root.mkdir(mode=0o700, parents=True, exist_ok=True)
         parent.mkdir(mode=0o700, exist_ok=True)
-    if reason := distrust(root) or distrust(parent):
+    if reason := reason_for_distrust(root) or reason_for_distrust(parent):
         raise UnusableError(reason)
 
 
@@ -313,7 +317,7 @@ def _shared_object(
     """
     key = fingerprint(json.dumps(source.files, sort_keys=True), "", (*flags, "-c"))
     entry = root / key[:2] / key
-    if not replace and not distrust(entry.parent) and _is_usable(entry):
+    if not replace and not reason_for_distrust(entry.parent) and _is_usable(entry):
         # Another process may clear the cache at any time.
         with _write_errors(root), contextlib.suppress(FileNotFoundError):
             shutil.copy(entry / LIBRARY, to)
@@ -336,7 +340,7 @@ def _move_to_entry(folder: Path, entry: Path, replace: bool) -> None:
         except OSError:
             if not entry.exists():
                 raise
-        if not replace and not distrust_entry(entry, READ) and is_whole(entry):
+        if not replace and not reason_for_distrust_of_entry(entry, READ) and is_whole(entry):
             shutil.rmtree(folder, ignore_errors=True)
             return
         # A folder cannot be renamed onto a non-empty one, so the old entry is moved away first.

@@ -37,13 +37,13 @@ def closure(modules: Iterable[str]) -> set[Path]:
     ``__init__`` do not count.
     """
     waiting: list[tuple[str, str | None]] = [(name, None) for name in modules]
-    seen: set[tuple[str, str | None]] = set()
+    visited: set[tuple[str, str | None]] = set()
     files: set[Path] = set()
     while waiting:
         imported = waiting.pop()
-        if imported in seen:
+        if imported in visited:
             continue
-        seen.add(imported)
+        visited.add(imported)
         module, name = imported
         if name and (file := file_of(f"{module}.{name}")):  # a submodule
             module, name = f"{module}.{name}", None

@@ -333,11 +333,11 @@ def run_compiler(
     if any(sign in output for sign in _FULL):
         raise DiskError(next(line for line in output.splitlines() if any(s in line for s in _FULL)))
     lines = output.strip().splitlines()
-    shown = "\n".join(f"  {line}" for line in lines[:20]) or "  (it printed nothing)"
-    more = f"\n  ... and {len(lines) - 20} lines more" if len(lines) > 20 else ""
+    listed_lines = "\n".join(f"  {line}" for line in lines[:20]) or "  (it printed nothing)"
+    omitted_text = f"\n  ... and {len(lines) - 20} lines more" if len(lines) > 20 else ""
     raise BuildError(
         f"the compiler failed with exit code {process.returncode}; the command was\n"
-        f"  {shlex.join(command)}\nand it said\n{shown}{more}"
+        f"  {shlex.join(command)}\nand it said\n{listed_lines}{omitted_text}"
     )
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from fantoccini.base import BuildError
 from fantoccini.kernel.build.cache import contents
 from fantoccini.kernel.build.compiler import BASE_FLAGS, compile_flags, find_compiler
-from fantoccini.kernel.build.folders import cache_folder, distrust
+from fantoccini.kernel.build.folders import cache_folder, reason_for_distrust
 from fantoccini.kernel.build.key import casadi_version, processor
 
 
@@ -19,33 +19,33 @@ def describe() -> dict[str, str]:
     Faults of the compiler and of the cache folder are under the key ``problem``; without it, the
     machine can compile puppets.
     """
-    facts: dict[str, str] = {}
+    descriptions: dict[str, str] = {}
     problems: list[str] = []
     try:
         compiler = find_compiler()
-        facts["compiler"] = f"{compiler.version} ({' '.join(compiler.command)})"
-        facts["flags"] = " ".join((*BASE_FLAGS, *compile_flags(compiler)))
+        descriptions["compiler"] = f"{compiler.version} ({' '.join(compiler.command)})"
+        descriptions["flags"] = " ".join((*BASE_FLAGS, *compile_flags(compiler)))
     except BuildError as error:
-        facts["compiler"] = "none"
+        descriptions["compiler"] = "none"
         problems.append(str(error))
-    facts["processor"] = platform.processor() or platform.machine()
-    facts["features"] = _features()
-    facts["casadi"] = casadi_version()
+    descriptions["processor"] = platform.processor() or platform.machine()
+    descriptions["features"] = _features()
+    descriptions["casadi"] = casadi_version()
     root = cache_folder()
-    facts["cache"] = str(root)
-    facts |= {kind: f"{n} ({size / 1e6:.1f} MB)" for kind, (n, size) in contents().items()}
-    if trouble := distrust(root) or _unwritable(root):
+    descriptions["cache"] = str(root)
+    descriptions |= {kind: f"{n} ({size / 1e6:.1f} MB)" for kind, (n, size) in contents().items()}
+    if trouble := reason_for_distrust(root) or _unwritable(root):
         problems.append(f"the cache folder is not used: {trouble}")
     if problems:
-        facts["problem"] = "\n".join(problems)
-    return facts
+        descriptions["problem"] = "\n".join(problems)
+    return descriptions
 
 
 def _features() -> str:
     """The processor's vector extensions."""
     have = processor().split()
-    known = ("asimd", "neon", "sve", "sse2", "sse4_2", "avx", "avx2", "fma", "avx512f")
-    return " ".join(name for name in known if name in have) or "unknown"
+    feature_names = ("asimd", "neon", "sve", "sse2", "sse4_2", "avx", "avx2", "fma", "avx512f")
+    return " ".join(name for name in feature_names if name in have) or "unknown"
 
 
 def _unwritable(root: Path) -> str:

@@ -74,8 +74,8 @@ class Source:
             for unit in self.shared_units
         }
         if self.units:
-            apart = {*self.units, *self.pieces}
-            files = {name: text for name, text in self.files.items() if name not in apart}
+            own_libraries = {*self.units, *self.pieces}
+            files = {name: text for name, text in self.files.items() if name not in own_libraries}
             objects[f"{Path(self.main).stem}.o"] = Source(files, self.main)
         return objects
 

@@ -30,21 +30,21 @@ def cache_folder() -> Path:
     return platformdirs.user_cache_path("fantoccini")
 
 
-def distrust(folder: Path) -> str:
+def reason_for_distrust(folder: Path) -> str:
     """Reason why a folder cannot be trusted; empty if it can, or does not exist.
 
     Links are followed: a user may have the cache on another disk.
     """
     try:
-        facts = folder.stat()
+        status = folder.stat()
     except OSError:
         return ""
-    if not stat.S_ISDIR(facts.st_mode):
+    if not stat.S_ISDIR(status.st_mode):
         return f"{folder} is not a folder"
-    return _strangers(folder, facts)
+    return _writable_by_others(folder, status)
 
 
-def distrust_entry(entry: Path, files: Iterable[str]) -> str:
+def reason_for_distrust_of_entry(entry: Path, files: Iterable[str]) -> str:
     """Reason why an entry of the cache cannot be trusted; empty if it can, or does not exist.
 
     Links are not allowed: they may lead to folders that others can write.
@@ -53,17 +53,17 @@ def distrust_entry(entry: Path, files: Iterable[str]) -> str:
         entry: folder of the entry.
         files: names of the files in it that are read.
     """
-    for path, is_kind, kind in (
+    for path, is_kind, expected in (
         (entry, stat.S_ISDIR, "folder"),
         *((entry / name, stat.S_ISREG, "file") for name in files),
     ):
         try:
-            facts = path.lstat()
+            status = path.lstat()
         except OSError:
             continue
-        if not is_kind(facts.st_mode):
-            return f"{path} is not a {kind}"
-        if trouble := _strangers(path, facts):
+        if not is_kind(status.st_mode):
+            return f"{path} is not a {expected}"
+        if trouble := _writable_by_others(path, status):
             return trouble
     return ""
 
@@ -79,20 +79,20 @@ def open_lock(path: Path) -> int:
     # Neither wait for a pipe nor follow a link that appeared in the meantime.
     safely = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
     descriptor = os.open(path, os.O_RDWR | os.O_CREAT | getattr(os, "O_CLOEXEC", 0) | safely, 0o600)
-    facts = os.fstat(descriptor)
-    if not stat.S_ISREG(facts.st_mode) or facts.st_uid not in (0, os.geteuid()):
+    status = os.fstat(descriptor)
+    if not stat.S_ISREG(status.st_mode) or status.st_uid not in (0, os.geteuid()):
         os.close(descriptor)
         raise OSError(f"{path} is not a file of this user")
     return descriptor
 
 
-def _strangers(path: Path, facts: os.stat_result) -> str:
+def _writable_by_others(path: Path, status: os.stat_result) -> str:
     """Reason why another user may write a file or folder; empty if no other user may."""
     if not hasattr(os, "geteuid"):
         return ""
-    if facts.st_uid not in (0, os.geteuid()):
+    if status.st_uid not in (0, os.geteuid()):
         return f"{path} belongs to another user"
-    if facts.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
+    if status.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
         return f"{path} can be written by other users (chmod go-w makes it usable)"
     return ""
 
@@ -119,12 +119,12 @@ def private_folder() -> Path:
 
 def _is_private(folder: Path) -> bool:
     """Whether a path is a folder, not a link, that only this user can access."""
-    facts = folder.lstat()
-    if not stat.S_ISDIR(facts.st_mode):
+    status = folder.lstat()
+    if not stat.S_ISDIR(status.st_mode):
         return False
     if not hasattr(os, "geteuid"):
         return True
-    return facts.st_uid == os.geteuid() and stat.S_IMODE(facts.st_mode) & 0o077 == 0
+    return status.st_uid == os.geteuid() and stat.S_IMODE(status.st_mode) & 0o077 == 0
 
 
 @functools.cache

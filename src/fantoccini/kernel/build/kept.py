@@ -16,7 +16,11 @@ from pathlib import Path
 import numpy as np
 
 from fantoccini.base import Array, npz, replacing
-from fantoccini.kernel.build.folders import cache_folder, distrust, distrust_entry
+from fantoccini.kernel.build.folders import (
+    cache_folder,
+    reason_for_distrust,
+    reason_for_distrust_of_entry,
+)
 
 
 @dataclass(frozen=True)
@@ -37,11 +41,11 @@ class ArrayStore:
     def read(self, key: str) -> list[Array] | None:
         """The arrays of a key; None if they are missing or damaged, or if others can write them."""
         file = self._file(key)
-        if self._distrusted(file.parent) or distrust_entry(file.parent, [file.name]):
+        if self._distrusted(file.parent) or reason_for_distrust_of_entry(file.parent, [file.name]):
             return None
         try:
-            with np.load(file, allow_pickle=False) as held:
-                arrays = [held[f"arr_{i}"] for i in range(len(held.files))]
+            with np.load(file, allow_pickle=False) as archive:
+                arrays = [archive[f"arr_{i}"] for i in range(len(archive.files))]
         except npz.UNREADABLE:
             return None
         with contextlib.suppress(OSError):  # a folder that can only be read
@@ -57,10 +61,10 @@ class ArrayStore:
             # One by one: mkdir applies the mode only to the last folder.
             for folder in (cache_folder(), self.folder, file.parent):
                 folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-            if self._distrusted(file.parent) or distrust_entry(file.parent, []):
+            if self._distrusted(file.parent) or reason_for_distrust_of_entry(file.parent, []):
                 return
-            with replacing(file) as part:
-                descriptor = os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+            with replacing(file) as temporary:
+                descriptor = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
                 with os.fdopen(descriptor, "wb") as stream:
                     np.savez(stream, *arrays)
 
@@ -70,13 +74,13 @@ class ArrayStore:
 
     def trim(self, max_bytes: float) -> None:
         """Removes the files used least recently, so that the others take at most ``max_bytes``."""
-        if distrust(cache_folder()) or distrust(self.folder):
+        if reason_for_distrust(cache_folder()) or reason_for_distrust(self.folder):
             return
         sizes: list[tuple[float, int, Path]] = []
         for file in self.files():
             with contextlib.suppress(OSError):  # another process may remove it
-                facts = file.stat()
-                sizes.append((facts.st_mtime, facts.st_size, file))
+                status = file.stat()
+                sizes.append((status.st_mtime, status.st_size, file))
         total = 0
         for _, size, file in sorted(sizes, reverse=True):
             total += size
@@ -88,7 +92,7 @@ class ArrayStore:
         return self.folder / key[:2] / f"{key}.npz"
 
     def _distrusted(self, group: Path) -> bool:
-        return any(map(distrust, (cache_folder(), self.folder, group)))
+        return any(map(reason_for_distrust, (cache_folder(), self.folder, group)))
 
 
 PIECES = ArrayStore("")

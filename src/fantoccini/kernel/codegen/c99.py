@@ -35,13 +35,13 @@ def _source(functions: dict[str, ca.Function]) -> str:
 
 
 def _header(tree: Tree, functions: dict[str, ca.Function], sizes: dict[str, int]) -> str:
-    lists, named = orders(tree), NAMES | {"n_v": "v", "n_packed": "packed"}
+    lists, size_names = orders(tree), NAMES | {"n_v": "v", "n_packed": "packed"}
     parts = [
         _comment([f"The equations of motion of {shown(tree.name)}.", "", *_RULES]),
         "#ifndef FAN_MODEL_H\n#define FAN_MODEL_H\n",
         '#ifdef __cplusplus\nextern "C" {\n#endif\n',
         "enum {\n"
-        + ",\n".join(f"  FAN_N_{name.upper()} = {sizes[n]}" for n, name in named.items())
+        + ",\n".join(f"  FAN_N_{name.upper()} = {sizes[n]}" for n, name in size_names.items())
         + "\n};\n",
         *(_listed(name, lists[name]) for name in lists if name not in ("strings", "limits")),
     ]
@@ -79,11 +79,11 @@ def _described(name: str, function: ca.Function, sizes: dict[str, int]) -> str:
     rows = [("in ", q) for q in declared.arguments] + [("out", q) for q in declared.results]
     lines = [f"fan_{name}: {declared.purpose} {function.n_instructions()} operations."]
     lines = textwrap.wrap(lines[0], 94)
-    for way, q in rows:
+    for direction, q in rows:
         size = " x ".join(map(str, q.dimensions(sizes))) or "1"
-        named = [NAMES[n] for n in q.shape if n in NAMES]
-        order = f", by {' x '.join(named)}" if named and named != [q.name] else ""
-        lines.append(f"  {way} {q.name:<12}{size:>9}  {q.described}{order}".rstrip())
+        size_names = [NAMES[n] for n in q.shape if n in NAMES]
+        order = f", by {' x '.join(size_names)}" if size_names and size_names != [q.name] else ""
+        lines.append(f"  {direction} {q.name:<12}{size:>9}  {q.described}{order}".rstrip())
     return "/* " + "\n * ".join(lines) + "\n */\n"
 
 

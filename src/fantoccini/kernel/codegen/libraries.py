@@ -78,23 +78,25 @@ def generate(equations: Equations, library: str = "model") -> Generated:
     """
     kind, names = _KINDS[library], compiled(library, equations.tree.sizes)
     functions = _programs(equations, library, names, kind.columns)
-    plain = library == "variational_derivatives"
-    sizes = {**equations.tree.sizes, "n_packed": 0} if plain else None
-    beside = {
+    is_scalar_only = library == "variational_derivatives"
+    sizes = {**equations.tree.sizes, "n_packed": 0} if is_scalar_only else None
+    derivative_names = {
         name: functions.pop(name)
         for name in list(functions)
         if kind.with_lanes and name in _IN_LANES
     }
-    own = [name for name in names if name not in beside]
-    members = [_member(name, kind.real, kind.mapped) for name in (*own, *["column"] * kind.columns)]
-    members += [_member(name, _BESIDE, kind.mapped) for name in beside]
+    own_names = [name for name in names if name not in derivative_names]
+    members = [
+        _member(name, kind.real, kind.mapped) for name in (*own_names, *["column"] * kind.columns)
+    ]
+    members += [_member(name, _BESIDE, kind.mapped) for name in derivative_names]
     # A contact point has forces in three directions. Vectors have a width of 1 on some processors.
     in_threes = kind.touches and equations.tree.n_contacts > 0
     if in_threes:
         members.append(_PUSH.format(space=kind.real.space))
     singly = in_threes and kind.real is WIDE
     if singly:
-        single = [_member(name, _SINGLE, kind.mapped) for name in (*own, "column")]
+        single = [_member(name, _SINGLE, kind.mapped) for name in (*own_names, "column")]
         members += [_SEVERAL_LANES, *single, "#endif"]
     solves = Table("ModelTables::solve_number")
     templates = []
@@ -104,23 +106,25 @@ def generate(equations: Equations, library: str = "model") -> Generated:
         for name in ("solve_factor_transposed", "solve_factor"):
             templates.append(together(functions[name], f"fan_{name}_of", SIZES.piece, solves))
             members.append(_SEVERAL.format(name=name, space=kind.real.space))
-    more = _SPACE.format(**vars(_BESIDE)) if beside else ""
+    space = _SPACE.format(**vars(_BESIDE)) if derivative_names else ""
     if singly:
-        more = f"{_SEVERAL_LANES}\n{_SPACE.format(**vars(_SINGLE))}#endif\n"
-    parts = {kind.real: functions} | ({_BESIDE: beside} if beside else {})
+        space = f"{_SEVERAL_LANES}\n{_SPACE.format(**vars(_SINGLE))}#endif\n"
+    parts = {kind.real: functions} | ({_BESIDE: derivative_names} if derivative_names else {})
     main = _MAIN.format(
         library=library.replace("_", " "),
         templates="\n".join([*templates, ""]) if templates else "",
-        more_headers=f'#include "{_BESIDE.header}"\n' if beside else "",
-        more=more,
+        more_headers=f'#include "{_BESIDE.header}"\n' if derivative_names else "",
+        more=space,
         members="\n".join(members),
-        maps="".join(_map(equations, n, n in beside) for n in names) if kind.mapped else "",
+        maps="".join(_map(equations, n, n in derivative_names) for n in names)
+        if kind.mapped
+        else "",
         abi=kind.header,
         width="1" if kind.real.type == "double" else "FAN_WIDTH",
         **vars(kind.real),
     )
     lengths = nominal_lengths(equations.tree)
-    numbers = {} if plain else {"nominal_length": lengths, "solve_number": solves.values}
+    numbers = {} if is_scalar_only else {"nominal_length": lengths, "solve_number": solves.values}
     files = {f"{STEM}.hpp": tables_text(equations, sizes, numbers), "main.cpp": main}
     singles = {_SINGLE: functions} if singly else {}
     generated = assembled(parts | singles, files, numbers_text(numbers) if numbers else {})

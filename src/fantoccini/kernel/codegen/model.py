@@ -243,7 +243,7 @@ def _tables(equations: Equations) -> list[str]:
     tree, table = equations.tree, equations.tree.coordinates
     columns = equations.columns
     column_of = {link: k for k, link in enumerate(columns)}
-    places = [_limit_place(tree, limit) for limit in tree.limits]
+    limit_slices = [_limit_velocity(tree, limit) for limit in tree.limits]
     units = {row.name: row.unit for row in table.rows}
     turns = [int(units.get(name, "rad") != "m") for name in table.v_D]
     length_q = [s.driven_length[0] if s.driven_length else -1 for s in tree.strings]
@@ -263,10 +263,10 @@ def _tables(equations: Equations) -> list[str]:
         *_lists("string", [_string_velocities(tree, s) for s in tree.strings]),
         _array("bool", "turns", turns),
         _array("int", "motor_v", tree.driven_v_D),
-        _array("bool", "watched_steps", [int(row.steps) for row in tree.watched]),
+        _array("bool", "watched_steps", [int(row.has_stepper) for row in tree.watched]),
         _array("bool", "watched_turns", [turns[row.v.start] for row in tree.watched]),
-        _array("int", "limit_v", [first for first, _ in places]),
-        _array("int", "limit_n", [n for _, n in places]),
+        _array("int", "limit_v", [first for first, _ in limit_slices]),
+        _array("int", "limit_n", [n for _, n in limit_slices]),
         # Index of a limit's column in Equations.columns, and indices in v_D of its entries.
         f"  static constexpr int n_columns = {len(columns)};",
         _array("int", "limit_column", [column_of[r.link] for r in tree.limits if columns]),
@@ -312,9 +312,9 @@ def _has_commands(tree: Tree) -> bool:
 
 def _lists(name: str, lists: list[list[int]]) -> list[str]:
     """Concatenated lists ``name_entry``, and the index of each list's start ``name_begin``."""
-    begins = accumulate((len(entries) for entries in lists), initial=0)
+    starts = accumulate((len(entries) for entries in lists), initial=0)
     return [
-        _array("int", f"{name}_begin", list(begins)),
+        _array("int", f"{name}_begin", list(starts)),
         _array("int", f"{name}_entry", [entry for entries in lists for entry in entries]),
     ]
 
@@ -323,20 +323,20 @@ def _contact_tables(tree: Tree) -> list[str]:
     """For contact: parents of links, and indices of the velocities that move them."""
     if not tree.n_contacts:
         return []
-    moved: dict[Role, list[list[int]]] = {Role.DYNAMIC: [], Role.DRIVEN: []}
+    moving_velocities: dict[Role, list[list[int]]] = {Role.DYNAMIC: [], Role.DRIVEN: []}
     for i in range(len(tree.links)):
-        for role, paths in moved.items():
+        for role, paths in moving_velocities.items():
             links = [tree.links[j] for j in reversed(tree.ancestors(i))]
             paths.append([k for a in links if a.role is role for k in range(a.v.start, a.v.stop)])
     return [
         _array("int", "link_parent", [link.parent for link in tree.links]),
-        *_lists("moved_D", moved[Role.DYNAMIC]),
-        *_lists("moved_K", moved[Role.DRIVEN]),
-        *_lists("carried", _carriers(tree, moved)),
+        *_lists("moved_D", moving_velocities[Role.DYNAMIC]),
+        *_lists("moved_K", moving_velocities[Role.DRIVEN]),
+        *_lists("carried", _carriers(tree, moving_velocities)),
     ]
 
 
-def _carriers(tree: Tree, moved: dict[Role, list[list[int]]]) -> list[list[int]]:
+def _carriers(tree: Tree, moving_velocities: dict[Role, list[list[int]]]) -> list[list[int]]:
     """Velocities that move the axis of each velocity; v_K follows v_D."""
     t = tree.coordinates
     carriers: list[list[int]] = [[] for _ in range(t.n_vD + t.n_vK)]
@@ -348,8 +348,8 @@ def _carriers(tree: Tree, moved: dict[Role, list[list[int]]]) -> list[list[int]]
             turns = k - link.v.start in TURNS_WITH_LINK.get(link.kind, ())
             carrier = i if turns else link.parent
             if carrier != WORLD:
-                driven = [t.n_vD + j for j in moved[Role.DRIVEN][carrier]]
-                carriers[first + k] = moved[Role.DYNAMIC][carrier] + driven
+                driven = [t.n_vD + j for j in moving_velocities[Role.DRIVEN][carrier]]
+                carriers[first + k] = moving_velocities[Role.DYNAMIC][carrier] + driven
     return carriers
 
 
@@ -369,9 +369,9 @@ def _nominal(string: StringRow) -> float:
     return length.value if isinstance(length, Parameter) else float(length)
 
 
-def _limit_place(tree: Tree, limit: LimitRow) -> tuple[int, int]:
-    place = tree.links[limit.link].v
-    return place.start, place.stop - place.start
+def _limit_velocity(tree: Tree, limit: LimitRow) -> tuple[int, int]:
+    velocities = tree.links[limit.link].v
+    return velocities.start, velocities.stop - velocities.start
 
 
 _MODEL = """\

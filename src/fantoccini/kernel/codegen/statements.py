@@ -88,26 +88,26 @@ def definition(function: ca.Function, name: str) -> str:
     names_in, names_out = function.name_in(), function.name_out()
     if clash := [n for n in (*names_in, *names_out) if _LOCAL.fullmatch(n)]:
         raise ValueError(f"{clash[0]} is the name of a local variable")
-    body, locals_, used = [], set(), set()
+    body, locals_, used_places = [], set(), set()
     for k in range(function.n_instructions()):
         operation = function.instruction_id(k)
-        into, of = function.instruction_output(k), function.instruction_input(k)
+        target, operands = function.instruction_output(k), function.instruction_input(k)
         if operation == ca.OP_OUTPUT:
-            result = names_out[into[0]]
-            used.add(result)
-            body.append(f"if ({result}) {result}[{into[1]}] = t{of[0]};")
+            result = names_out[target[0]]
+            used_places.add(result)
+            body.append(f"if ({result}) {result}[{target[1]}] = t{operands[0]};")
             continue
-        locals_.add(into[0])
+        locals_.add(target[0])
         if operation == ca.OP_CONST:
             value = _number(function.instruction_constant(k))
         elif operation == ca.OP_INPUT:
-            argument = names_in[of[0]]
-            used.add(argument)
-            value = f"{argument}[{of[1]}]"
+            argument = names_in[operands[0]]
+            used_places.add(argument)
+            value = f"{argument}[{operands[1]}]"
         else:
-            value = expression(operation, [f"t{i}" for i in of])
-        body.append(f"t{into[0]} = {value};")
-    unused = [n for n in (*names_in, *names_out) if n not in used]
+            value = expression(operation, [f"t{i}" for i in operands])
+        body.append(f"t{target[0]} = {value};")
+    unused = [n for n in (*names_in, *names_out) if n not in used_places]
     head = [prototype(function, name), "{", *_declarations(sorted(locals_))]
     return "\n".join(head + [f"  {s}" for s in [*(f"(void){n};" for n in unused), *body]] + ["}"])
 
@@ -136,6 +136,6 @@ def _number(value: float) -> str:
     return repr(float(value))
 
 
-def _declarations(places: list[int]) -> list[str]:
-    words = [f"t{i}" for i in places]
+def _declarations(registers: list[int]) -> list[str]:
+    words = [f"t{i}" for i in registers]
     return [f"  double {', '.join(words[i : i + 14])};" for i in range(0, len(words), 14)]

@@ -88,17 +88,17 @@ def program(function: ca.Function) -> Program:
     holds: dict[int, int] = {}  # place in CasADi's work vector -> index of a statement
     for k in range(function.n_instructions()):
         operation = function.instruction_id(k)
-        into, of = function.instruction_output(k), function.instruction_input(k)
+        target, operands = function.instruction_output(k), function.instruction_input(k)
         if operation == ca.OP_OUTPUT:
-            results.append((into[0], into[1], holds[of[0]]))
+            results.append((target[0], target[1], holds[operands[0]]))
             continue
         if operation == ca.OP_CONST:
             statement = Statement(operation, constant=function.instruction_constant(k))
         elif operation == ca.OP_INPUT:
-            statement = Statement(operation, argument=(of[0], of[1]))
+            statement = Statement(operation, argument=(operands[0], operands[1]))
         else:
-            statement = Statement(operation, tuple(holds[i] for i in of))
-        holds[into[0]] = len(statements)
+            statement = Statement(operation, tuple(holds[i] for i in operands))
+        holds[target[0]] = len(statements)
         statements.append(statement)
     names = tuple(function.name_out())
     return _Rewriting(Program(statements, results, names)).done()
@@ -112,25 +112,27 @@ class _Rewriting:
     sine and cosine of one angle become neighbours.
 
     Args:
-        whole: CasADi's program.
+        program_to_cut: CasADi's program.
     """
 
-    def __init__(self, whole: Program):
-        self.whole = whole
-        old = whole.statements
-        quotients = [s for s in old if s.operation in (ca.OP_DIV, ca.OP_INV)]
+    def __init__(self, program_to_cut: Program):
+        self.program_to_cut = program_to_cut
+        statements = program_to_cut.statements
+        quotients = [s for s in statements if s.operation in (ca.OP_DIV, ca.OP_INV)]
         self.divided = Counter(s.of[-1] for s in quotients)
-        self.used = Counter([i for s in old for i in s.of] + [v for *_, v in whole.results])
+        self.used = Counter(
+            [i for s in statements for i in s.of] + [v for *_, v in program_to_cut.results]
+        )
         self.statements: list[Statement] = []
         self.place: list[int] = []
         self.inverse: dict[int, int] = {}
         self.sine: dict[int, int] = {}
 
     def done(self) -> Program:
-        for k, s in enumerate(self.whole.statements):
+        for k, s in enumerate(self.program_to_cut.statements):
             self.place.append(self._place(k, s))
-        results = [(r, k, self.place[v]) for r, k, v in self.whole.results]
-        return Program(self.statements, results, self.whole.names)
+        results = [(r, k, self.place[v]) for r, k, v in self.program_to_cut.results]
+        return Program(self.statements, results, self.program_to_cut.names)
 
     def _add(self, operation: int, *of: int) -> int:
         self.statements.append(Statement(operation, of))
@@ -182,21 +184,23 @@ class Pieces:
     definition: str
 
 
-def pieces(whole: Program, name: str, longest: int, standing: Collection[str] = ()) -> Pieces:
+def pieces(
+    program_to_cut: Program, name: str, longest: int, standing: Collection[str] = ()
+) -> Pieces:
     """The text of a function in pieces.
 
     The including file defines ``casadi_real`` and ``FAN_PIECE`` (qualifiers of the pieces). Only
     pointers of empty arguments and results may be null.
 
     Args:
-        whole: statements of the function.
+        program_to_cut: statements of the function.
         name: name of the C function.
         longest: largest number of arithmetic statements of a piece.
         standing: names of results whose constants need not be written every time:
             ``name_constants`` writes these, ``name_varying`` the other entries.
     """
-    separate = frozenset(r for r, result in enumerate(whole.names) if result in standing)
-    cut = _Cut(whole, longest, separate)
+    separate = frozenset(r for r, result in enumerate(program_to_cut.names) if result in standing)
+    cut = _Cut(program_to_cut, longest, separate)
     head = "const casadi_real* const* arg, casadi_real* const* res, casadi_real* w"
     names = [f"{name}_{k}" for k in range(cut.n)]
     texts = [
@@ -228,18 +232,18 @@ def pieces(whole: Program, name: str, longest: int, standing: Collection[str] = 
     return Pieces(whole_name, declarations, texts, "\n".join(lines))
 
 
-def together(whole: Program, name: str, longest: int, table: Table) -> str:
+def together(program_to_cut: Program, name: str, longest: int, table: Table) -> str:
     """The text of ``name(a, x, y)``: a function of (a, x) that is linear in x, for several x.
 
     ``a`` is an array of a scalar type ``A``; ``x`` and ``y`` are arrays of a vector type ``V``.
 
     Args:
-        whole: the function's statements, with two arguments and one result.
+        program_to_cut: the function's statements, with two arguments and one result.
         name: name of the C function.
         longest: arithmetic statements of a piece, at most.
         table: takes the constants, so that the text is the same for other numbers.
     """
-    cut, lines = _Cut(whole, longest, frozenset(), table), []
+    cut, lines = _Cut(program_to_cut, longest, frozenset(), table), []
     for k in range(cut.n):
         lines += [
             "template <class A, class V>",
@@ -269,8 +273,8 @@ _NAMES = (
 
 def _vectorised(line: str) -> str:
     """A line of a piece, in which values that do not depend on x have the type A, others V."""
-    for old, new in _NAMES:
-        line = line.replace(old, new)
+    for scalar_name, vector_name in _NAMES:
+        line = line.replace(scalar_name, vector_name)
     into, value = line.strip(" ;").split(" = ", 1)
     # Values passed to the next piece, and constant results, may be of type A: V{} + value is a V.
     is_double = into.startswith("w[") or (into.startswith("y[") and not value.startswith("t"))
@@ -314,85 +318,93 @@ class _Cut:
     """The division of a program into pieces, and the places of values that pass between them.
 
     Args:
-        whole: the program.
+        program_to_cut: the program.
         longest: arithmetic statements of a piece, at most.
         kept: results whose constants are written separately.
         table: takes the constants; by default they stand in the text.
     """
 
     def __init__(
-        self, whole: Program, longest: int, kept: frozenset[int], table: Table | None = None
+        self,
+        program_to_cut: Program,
+        longest: int,
+        kept: frozenset[int],
+        table: Table | None = None,
     ):
-        self.whole, self.kept = whole, kept
+        self.program_to_cut, self.kept = program_to_cut, kept
         self._constant = table.entry if table else literal
         done = 0
         self.piece: list[int] = []
-        for s in whole.statements:
+        for s in program_to_cut.statements:
             # A cosine stays with its sine.
             follows = s.operation == ca.OP_COS
             self.piece.append(self.piece[-1] if follows else done // longest)
             done += s.is_arithmetic
         self.n = self.piece[-1] + 1 if self.piece else 1
         self.last = list(self.piece)
-        for k, s in enumerate(whole.statements):
+        for k, s in enumerate(program_to_cut.statements):
             for i in s.of:
                 self.last[i] = max(self.last[i], self.piece[k])
         self.results: dict[int, list[tuple[int, int]]] = {}
-        for which, entry, value in whole.results:
-            self.results.setdefault(value, []).append((which, entry))
+        for result_index, entry, value in program_to_cut.results:
+            self.results.setdefault(value, []).append((result_index, entry))
         self.slot = self._slots()
         self.n_work = max(self.slot.values(), default=-1) + 1
 
     def _slots(self) -> dict[int, int]:
         """Value that later pieces use -> its place in the work array."""
         slot: dict[int, int] = {}
-        free: list[int] = []
-        ends: dict[int, list[int]] = {}
-        used, piece = 0, 0
-        for k, s in enumerate(self.whole.statements):
+        free_slots: list[int] = []
+        slots_ending: dict[int, list[int]] = {}
+        n_slots, piece = 0, 0
+        for k, s in enumerate(self.program_to_cut.statements):
             while piece < self.piece[k]:
-                free += ends.pop(piece, [])
+                free_slots += slots_ending.pop(piece, [])
                 piece += 1
             if not s.is_arithmetic or self.last[k] == self.piece[k] or k in self.results:
                 continue
-            slot[k] = free.pop() if free else used
-            used = max(used, slot[k] + 1)
-            ends.setdefault(self.last[k], []).append(slot[k])
+            slot[k] = free_slots.pop() if free_slots else n_slots
+            n_slots = max(n_slots, slot[k] + 1)
+            slots_ending.setdefault(self.last[k], []).append(slot[k])
         return slot
 
-    def _is_apart(self, which: int, value: int) -> bool:
-        return which in self.kept and self.whole.statements[value].operation == ca.OP_CONST
+    def _is_apart(self, result_index: int, value: int) -> bool:
+        return (
+            result_index in self.kept
+            and self.program_to_cut.statements[value].operation == ca.OP_CONST
+        )
 
     def constants(self) -> list[str]:
         """Statements that write the constants of ``standing`` results."""
         return [
-            f"  res[{which}][{entry}] = {literal(self.whole.statements[value].constant)};"
-            for which, entry, value in self.whole.results
-            if self._is_apart(which, value)
+            f"  res[{result_index}][{entry}] = "
+            f"{literal(self.program_to_cut.statements[value].constant)};"
+            for result_index, entry, value in self.program_to_cut.results
+            if self._is_apart(result_index, value)
         ]
 
     def body(self, piece: int) -> list[str]:
         """The lines of a piece."""
         lines: list[str] = []
-        named: set[int] = set()
+        named_values: set[int] = set()
         for k in range(bisect_left(self.piece, piece), bisect_right(self.piece, piece)):
-            s = self.whole.statements[k]
+            s = self.program_to_cut.statements[k]
             if s.is_arithmetic:
-                operands = [self._operand(i, piece, named, lines) for i in s.of]
+                operands = [self._operand(i, piece, named_values, lines) for i in s.of]
                 lines += self._text(k, operands)
-                named.add(k)
+                named_values.add(k)
                 if k in self.slot:
                     lines.append(f"  w[{self.slot[k]}] = t{k};")
-            for which, entry in self.results.get(k, ()):
-                if self._is_apart(which, k):
+            for result_index, entry in self.results.get(k, ()):
+                if self._is_apart(result_index, k):
                     continue
-                value = self._operand(k, piece, named, lines)
-                lines.append(f"  res[{which}][{entry}] = {value};")
+                value = self._operand(k, piece, named_values, lines)
+                lines.append(f"  res[{result_index}][{entry}] = {value};")
         return lines
 
     def _text(self, k: int, operands: list[str]) -> list[str]:
         """The lines of statement k; a sine also computes the cosine that follows it."""
-        operation = self.whole.statements[k].operation
+        operation = self.program_to_cut.statements[k].operation
         if operation == ca.OP_COS:
             return []
         if operation == ca.OP_SIN:
@@ -401,16 +413,16 @@ class _Cut:
         text = _OWN.get(operation, "").format(*operands) or expression(operation, operands)
         return [f"  const casadi_real t{k} = {text};"]
 
-    def _operand(self, k: int, piece: int, named: set[int], lines: list[str]) -> str:
+    def _operand(self, k: int, piece: int, named_values: set[int], lines: list[str]) -> str:
         """The name of a value in a piece; a value of an earlier piece is read on first use."""
-        s = self.whole.statements[k]
+        s = self.program_to_cut.statements[k]
         if s.operation == ca.OP_CONST:
             return self._constant(s.constant)
         if s.operation == ca.OP_INPUT:
             return f"arg[{s.argument[0]}][{s.argument[1]}]"
-        if k not in named:
-            which, entry = self.results[k][0] if k in self.results else (0, 0)
-            source = f"w[{self.slot[k]}]" if k in self.slot else f"res[{which}][{entry}]"
+        if k not in named_values:
+            result_index, entry = self.results[k][0] if k in self.results else (0, 0)
+            source = f"w[{self.slot[k]}]" if k in self.slot else f"res[{result_index}][{entry}]"
             lines.append(f"  const casadi_real t{k} = {source};")
-            named.add(k)
+            named_values.add(k)
         return f"t{k}"

@@ -70,8 +70,8 @@ _FULL = arguments("q_D v_D acc_D q_K v_K acc_K tension dt p")
 _STEPPING = (LANES, ROLLOUTS, VARIATIONAL, VARIATIONAL_LANES, STEP_DERIVATIVES, GRADIENTS)
 
 
-def _derivative(name: str, rows: str, by: str, meaning: str) -> Quantity:
-    return Quantity(name, (rows, by), "", f"derivative of {meaning}")
+def _derivative(name: str, rows: str, variable: str, meaning: str) -> Quantity:
+    return Quantity(name, (rows, variable), "", f"derivative of {meaning}")
 
 
 _BY_RATES = (

@@ -70,9 +70,9 @@ class JointColumn:
             y = (w - dot(self.scaled_U, a)) * self.d
             a += scaled(y, self.S)
             return y
-        others = [k for k in range(6) if k != self.axis]
+        other_axes = [k for k in range(6) if k != self.axis]
         sign, before = self.S[self.axis], a[self.axis]
-        a[self.axis] = (w - dot(self.scaled_U[others], a[others])) * self.d * sign
+        a[self.axis] = (w - dot(self.scaled_U[other_axes], a[other_axes])) * self.d * sign
         return (a[self.axis] - before) * sign
 
 
@@ -176,9 +176,9 @@ class Factor:
             pattern: factor of the same tree, whose constant entries are constant in this one too.
         """
         packed: dict[int, ca.SX] = {}
-        for entry, own in zip(pattern._entries(), self._entries(), strict=True):
+        for entry, value in zip(pattern._entries(), self._entries(), strict=True):
             if not entry.is_constant():
-                packed.setdefault(entry.element_hash(), own)
+                packed.setdefault(entry.element_hash(), value)
         return list(packed.values())
 
     def unpack(self, packed: np.ndarray) -> Factor:

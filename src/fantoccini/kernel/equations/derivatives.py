@@ -139,9 +139,9 @@ class Derivatives:
             if point.link == WORLD:
                 continue
             force = system.full_motions[point.link].R.T.dot(pull)
-            at = symbolic([system.value(x) for x in point.at])
+            local_position = symbolic([system.value(x) for x in point.at])
             torque, other_forces = wrenches[point.link]
-            wrenches[point.link] = (torque + cross(at, force), other_forces + force)
+            wrenches[point.link] = (torque + cross(local_position, force), other_forces + force)
 
     def _forces(self, tension: ca.SX) -> dict[str, ca.SX]:
         """Derivatives of the residual r."""
@@ -154,7 +154,7 @@ class Derivatives:
             "r_p": "p",
         }
         derivatives = self._derivatives(ca.cse(self.residual(tension)), names.values())
-        return {name: derivatives[by] for name, by in names.items()}
+        return {name: derivatives[variable] for name, variable in names.items()}
 
     def _rows(self) -> dict[str, ca.SX]:
         """A_D, A_K and the derivatives of h, hdot and hddot of strings and limits."""
@@ -175,12 +175,12 @@ class Derivatives:
             hddot.append(dot(J, acc_D[v]) + gamma)
         results = {"A_D": stacked(A_D, n), "A_K": stacked(A_K, n_K)}
         # A string acts on few links: reverse mode from each row needs fewer operations.
-        for name, values, by in (
+        for name, values, variable in (
             ("h", h, "p"),
             ("hdot", hdot, "q_D q_K p"),
             ("hddot", hddot, "q_D v_D q_K v_K p"),
         ):
-            derivatives = self._derivatives(ca.cse(column(values)), by.split(), backward=True)
+            derivatives = self._derivatives(ca.cse(column(values)), variable.split(), backward=True)
             for symbol, x in derivatives.items():
                 results[f"{name}_{symbol.removesuffix('_D').replace('_', '')}"] = x
         return results
@@ -222,8 +222,8 @@ class Derivatives:
         moving = [s.v_D, s.v_K, s.acc_D, s.acc_K, s.dt]
         zero = [ca.SX.zeros(*x.shape) for x in moving]
         r = ca.cse(ca.substitute([self.residual(s.tension)], moving, zero)[0])
-        by = {"q_D": "q", "q_K": "qK", "p": "p"}
-        r_by = {f"r_{by[name]}": x for name, x in self._derivatives(r, by).items()}
+        suffix_of = {"q_D": "q", "q_K": "qK", "p": "p"}
+        r_by = {f"r_{suffix_of[name]}": x for name, x in self._derivatives(r, suffix_of).items()}
         names = {"q_D": "A_D", "q_K": "A_K", "p": "h_p"}
         h_by = self._derivatives(ca.cse(h), names, backward=True)
         return {"r": r, "h": h, **r_by, **{names[name]: x for name, x in h_by.items()}}

@@ -75,10 +75,10 @@ def forces(system: System, dt: ca.SX) -> DriveForces:
     v_D = elements(system.symbols.v_D)
     for row in system.tree.drives:
         force, stiffness, damping = controllers.force(row)
-        force, share, back_emf_slope = _limit_force(row, force, v_D[row.v], system.value)
+        force, torque_ratio, back_emf_slope = _limit_force(row, force, v_D[row.v], system.value)
         f_D[row.v] = force
         n = len(force)
-        velocity_slopes[row.v] = scaled(share, damping + scaled(dt, stiffness)) + _repeated(
+        velocity_slopes[row.v] = scaled(torque_ratio, damping + scaled(dt, stiffness)) + _repeated(
             back_emf_slope, n
         )
         friction[row.v] = _repeated(system.resistance(row), n)
@@ -88,26 +88,27 @@ def forces(system: System, dt: ca.SX) -> DriveForces:
 def motor_lags(system: System) -> dict[str, np.ndarray]:
     """The results of ``motor_lags``: lags of watched drives behind their commands.
 
-    ``at`` and ``command`` are positions [m or rad]; for an orientation, ``at`` is its angle from
+    ``angle`` and ``command`` are positions [m or rad]; for an orientation, ``angle`` is its angle
+    from
     its command, and ``command`` is 0. ``lag`` is in periods of four full steps of a stepper motor,
     which holds at most half a period.
     """
     s, entries = system.symbols, []
     for row in system.tree.watched:
         q, actual, lag = _command_indices(row)[0], elements(s.q_D)[row.q], ca.SX(0)
-        if row.turns:
+        if row.is_rotation:
             target = elements(s.q_K)[q : q + 4]
             vector = _vector_part(actual, target)
             sine = ca.sqrt(dot(vector, vector) + REGULAR.square)
             cosine = ca.sqrt(dot(actual, target) ** 2 + REGULAR.square)
-            at, command = 2 * ca.atan(sine / cosine), ca.SX(0)
+            angle, command = 2 * ca.atan(sine / cosine), ca.SX(0)
         else:
-            at, command = actual[0], s.q_K[q]
+            angle, command = actual[0], s.q_K[q]
         motor = row.drive.motor
         if isinstance(motor, StepperMotor):
             periods = _pole_pairs(system, row, motor) / (2 * np.pi) * row.ratio(system.value)
-            lag = periods * (command - at)
-        entries.append((at, command, lag))
+            lag = periods * (command - angle)
+        entries.append((angle, command, lag))
     columns = zip(*entries, strict=True) if entries else ((), (), ())
     return {n: symbolic(list(c)) for n, c in zip(("at", "command", "lag"), columns, strict=True)}
 
@@ -192,7 +193,7 @@ class _Controllers:
         n = row.v.stop - row.v.start
         mean, acceleration = self.v_K[v : v + n], self.acc_K[v : v + n]
         final_rate = mean + scaled(0.5 * self.dt, acceleration)
-        if not row.turns:
+        if not row.is_rotation:
             error = self.q_K[q : q + 1] - actual + scaled(self.dt, mean - w)
             return error, final_rate - w, acceleration
         target = self.q_K[q : q + 4]
@@ -249,8 +250,8 @@ class _Controllers:
         """Force n T sin(s/4 (angle(r) - n q)) and its derivatives; see :meth:`force`."""
         value, (q, v) = self.system.value, _command_indices(row)
         n, pairs = row.ratio(value), _pole_pairs(self.system, row, motor)
-        turn = 1.0 if _is_linear(self.system, row) else 2 * np.pi
-        microstep = turn / (motor.steps * motor.microsteps)
+        distance_per_turn = 1.0 if _is_linear(self.system, row) else 2 * np.pi
+        microstep = distance_per_turn / (motor.steps * motor.microsteps)
         command, q_index = self.q_K[q] + self.dt * self.v_K[v], row.q.start
         angle = microstep * ca.floor(n * command / microstep + 0.5)
         torque = value(motor.torque)
@@ -278,10 +279,10 @@ def _limit_force(
     n = row.ratio(value)
     if isinstance(motor, Servo):
         limit = n * value(motor.torque)
-        if row.turns:
+        if row.is_rotation:
             size = ca.sqrt(dot(force, force) + REGULAR.square)
-            share = limit / ca.fmax(size, limit)
-            return scaled(share, force), share, zero
+            ratio = limit / ca.fmax(size, limit)
+            return scaled(ratio, force), ratio, zero
         clipped = _clipped(force[0], -limit, limit)
         return symbolic([clipped]), _equality(force[0], clipped, limit), zero
     gain = n * value(motor.constant)
@@ -305,8 +306,8 @@ def _repeated(x: ca.SX, n: int) -> np.ndarray:
     return symbolic([x] * n)
 
 
-def _clipped(x: ca.SX, low: ca.SX, high: ca.SX) -> ca.SX:
-    return ca.fmax(low, ca.fmin(high, x))
+def _clipped(x: ca.SX, lower: ca.SX, upper: ca.SX) -> ca.SX:
+    return ca.fmax(lower, ca.fmin(upper, x))
 
 
 def _equality(a: ca.SX, b: ca.SX, size: ca.SX) -> ca.SX:

@@ -90,9 +90,11 @@ def summed(tree: Tree, joints: list[JointMotion], wrenches: list[Wrench]) -> lis
     for i in reversed(range(len(wrenches))):
         joint, parent = joints[i], tree.links[i].parent
         if parent != WORLD:
-            moved = joint.R.dot(force[i])
-            force[parent] = force[parent] + moved
-            torque[parent] = torque[parent] + (joint.R.dot(torque[i]) + cross(joint.r, moved))
+            force_in_parent = joint.R.dot(force[i])
+            force[parent] = force[parent] + force_in_parent
+            torque[parent] = torque[parent] + (
+                joint.R.dot(torque[i]) + cross(joint.r, force_in_parent)
+            )
     return list(zip(torque, force, strict=True))
 
 

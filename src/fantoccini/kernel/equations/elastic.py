@@ -25,7 +25,7 @@ from fantoccini.model.tree import ChainRow
 
 
 @dataclass(frozen=True)
-class Elastic:
+class ElasticForce:
     """A spring between two points.
 
     Attributes:
@@ -68,7 +68,7 @@ class Elastic:
 
 def elastics(
     arguments: RowArguments, unstretched_length: Callable[[ChainRow], tuple[ca.SX, ca.SX, ca.SX]]
-) -> list[Elastic]:
+) -> list[ElasticForce]:
     """The springs of a tree, then the pieces of its chains.
 
     Args:
@@ -80,7 +80,7 @@ def elastics(
         row = path_row(arguments, spring.points)
         row = replace(row, length=row.length - arguments.value(spring.rest))
         springs.append(
-            Elastic(row, arguments.value(spring.stiffness), arguments.value(spring.damping))
+            ElasticForce(row, arguments.value(spring.stiffness), arguments.value(spring.damping))
         )
     for chain in arguments.tree.chains:
         springs.extend(_pieces(arguments, chain, *unstretched_length(chain)[:2]))
@@ -89,20 +89,20 @@ def elastics(
 
 def _pieces(
     arguments: RowArguments, chain: ChainRow, length: ca.SX, rate: ca.SX
-) -> Iterator[Elastic]:
-    share = 1.0 / chain.pieces
-    relaxed = share * length
+) -> Iterator[ElasticForce]:
+    length_share = 1.0 / chain.pieces
+    relaxed = length_share * length
     k, c = arguments.value(chain.stiffness) / relaxed, arguments.value(chain.damping) / relaxed
-    for ends in pairwise(chain.points):
-        row = path_row(arguments, ends)
+    for end_points in pairwise(chain.points):
+        row = path_row(arguments, end_points)
         if chain.length_index is None:
-            yield Elastic(replace(row, length=row.length - relaxed), k, c)
+            yield ElasticForce(replace(row, length=row.length - relaxed), k, c)
             continue
         moving = replace(
             row,
             length=row.length - relaxed,
-            rate=row.rate - share * rate,
+            rate=row.rate - length_share * rate,
             string=chain,
-            factor=share,
+            factor=length_share,
         )
-        yield Elastic(moving, k, c, relaxed)
+        yield ElasticForce(moving, k, c, relaxed)

@@ -16,9 +16,9 @@ def kinetic_energy(system: System) -> ca.SX:
     for inertia, motion in zip(system.regrouped, system.free_motions, strict=True):
         if inertia.is_zero():
             continue
-        v, turned = motion.v, cross(motion.w, inertia.h)
+        v, w_cross_h = motion.v, cross(motion.w, inertia.h)
         turning = dot(motion.w, inertia.I.dot(motion.w)) + inertia.m * dot(v, v)
-        total = total + (0.5 * turning + dot(v, turned))
+        total = total + (0.5 * turning + dot(v, w_cross_h))
     v_D = elements(system.symbols.v_D)
     return total + 0.5 * dot(system.armature * v_D, v_D)
 

@@ -35,17 +35,17 @@ class Form:
 
     def shortest(self, value: PolyElement) -> sp.Expr:
         """The polynomial as an expression with few operations."""
-        whole = self._over(value, self.inverse)
+        reduced = self._over(value, self.inverse)
         by_velocity = self._over(value, self.inverse | self.velocities)
-        return min((whole, by_velocity), key=_cost)
+        return min((reduced, by_velocity), key=_cost)
 
     def _over(self, value: PolyElement, outside: set[int]) -> sp.Expr:
         """A sum of products: a monomial of the generators ``outside``, times a short expression."""
         groups: dict[Monomial, dict[Monomial, Any]] = {}
         for monomial, coefficient in value.items():
             key = tuple(e if k in outside else 0 for k, e in enumerate(monomial))
-            inner = tuple(0 if k in outside else e for k, e in enumerate(monomial))
-            groups.setdefault(key, {})[inner] = coefficient
+            remaining = tuple(0 if k in outside else e for k, e in enumerate(monomial))
+            groups.setdefault(key, {})[remaining] = coefficient
         total = sp.S.Zero
         for key, terms in groups.items():
             total += sp.Mul(self._monomial(key), self._short(terms))
@@ -78,35 +78,39 @@ class Form:
         angles = [self.meaning[c].args[0] for c in cosines]
         waves: dict[tuple[Monomial, Monomial], sp.Expr] = {}
         for monomial, coefficient in terms.items():
-            rest = list(monomial)
+            remaining = list(monomial)
             wave = {(0,) * len(cosines): _number(coefficient)}
             for n, (c, s) in enumerate(self.pairs.items()):
                 for _ in range(monomial[c]):
                     wave = _times(wave, n, sp.S.Half, sp.S.Half)
                 for _ in range(monomial[s]):
                     wave = _times(wave, n, -sp.I / 2, sp.I / 2)
-                rest[c] = rest[s] = 0
+                remaining[c] = remaining[s] = 0
             for turns, factor in wave.items():
-                key = (tuple(rest), turns)
+                key = (tuple(remaining), turns)
                 waves[key] = waves.get(key, sp.S.Zero) + factor
         total = []
-        for (other, turns), factor in waves.items():
+        for (other_monomial, turns), factor in waves.items():
             if next((t for t in turns if t), 0) < 0:
                 continue
             re, im = factor.as_real_imag()
-            twice = 2 if any(turns) else 1
+            factor_of_two = 2 if any(turns) else 1
             angle = sp.Add(*(t * a for t, a in zip(turns, angles, strict=True)))
-            total.append(self._monomial(other) * twice * (re * sp.cos(angle) - im * sp.sin(angle)))
+            total.append(
+                self._monomial(other_monomial)
+                * factor_of_two
+                * (re * sp.cos(angle) - im * sp.sin(angle))
+            )
         return sp.Add(*total).expand(trig=False)
 
 
 def _times(
-    wave: dict[Monomial, sp.Expr], n: int, up: sp.Expr, down: sp.Expr
+    wave: dict[Monomial, sp.Expr], n: int, numerator: sp.Expr, denominator: sp.Expr
 ) -> dict[Monomial, sp.Expr]:
     """The wave times up e^ia + down e^-ia, with a the n-th angle."""
     out: dict[Monomial, sp.Expr] = {}
     for turns, factor in wave.items():
-        for step, weight in ((1, up), (-1, down)):
+        for step, weight in ((1, numerator), (-1, denominator)):
             key = (*turns[:n], turns[n] + step, *turns[n + 1 :])
             out[key] = out.get(key, sp.S.Zero) + factor * weight
     return out
@@ -127,14 +131,14 @@ def _as_sine(e: sp.Expr) -> sp.Expr:
 def _factored(form: sp.Expr) -> sp.Expr:
     """The form with common factors of the summands outside; numbers stay in the summands."""
     factored = sp.factor_terms(form)
-    number, rest = factored.as_coeff_Mul()
-    sums = [part for part in sp.Mul.make_args(rest) if part.is_Add]
+    number, remaining = factored.as_coeff_Mul()
+    sums = [part for part in sp.Mul.make_args(remaining) if part.is_Add]
     if number in (1, -1) or len(sums) != 1:
         return factored
     if all(abs(term.as_coeff_Mul()[0]) == 1 for term in sums[0].args):
         return factored
     spread = sp.Add(*(number * term for term in sums[0].args))
-    return sp.Mul(*(spread if part is sums[0] else part for part in sp.Mul.make_args(rest)))
+    return sp.Mul(*(spread if part is sums[0] else part for part in sp.Mul.make_args(remaining)))
 
 
 def _collected(form: sp.Expr) -> sp.Expr:

@@ -52,8 +52,8 @@ class Equations:
 
     def __iter__(self) -> Iterator[str]:
         """The names of the functions."""
-        own = (f for f in FUNCTIONS.values() if MODEL in f.libraries or not f.libraries)
-        return (f.name for f in own if needed(f, self.tree.sizes))
+        model_functions = (f for f in FUNCTIONS.values() if MODEL in f.libraries or not f.libraries)
+        return (f.name for f in model_functions if needed(f, self.tree.sizes))
 
     def __len__(self) -> int:
         return sum(1 for _ in self)
@@ -123,10 +123,13 @@ class Equations:
         """
         results = self._with_factor(self.factor, self.system.symbols.dt, self.system.step_loads)
         results = {name: x for name, x in results.items() if name not in ("gamma", "gamma_limit")}
-        motors, places = drives.forces(self.system, self.system.symbols.dt), self.tree.driven_v_D
+        motors, motor_indices = (
+            drives.forces(self.system, self.system.symbols.dt),
+            self.tree.driven_v_D,
+        )
         return results | {
-            "f_M": column(motors.f_D[places]),
-            "y_M": column(motors.velocity_slopes[places]),
+            "f_M": column(motors.f_D[motor_indices]),
+            "y_M": column(motors.velocity_slopes[motor_indices]),
         }
 
     def _with_factor(self, factor: articulated.Factor, dt: ca.SX, loads: Loads) -> dict[str, ca.SX]:
@@ -134,9 +137,9 @@ class Equations:
         n, m = tree.coordinates.n_vD, len(tree.strings)
         v_K = elements(s.v_K)
         _, f_K = system.generalised(loads)
-        needed = {i: (-torque, -force) for i, (torque, force) in enumerate(loads.wrenches)}
+        loads_by_link = {i: (-torque, -force) for i, (torque, force) in enumerate(loads.wrenches)}
         motors = drives.forces(system, dt).f_D
-        w0 = factor.solve_transposed(elements(s.u_D) - loads.f_D + motors, needed)
+        w0 = factor.solve_transposed(elements(s.u_D) - loads.f_D + motors, loads_by_link)
         rows = system.string_rows
         W = zeros(n, m)
         for i, row in enumerate(rows):
@@ -190,8 +193,10 @@ class Equations:
         (L, factor), x = self._stored, self.system.symbols.x_joint
         names_in, names_out = ([q.name for q in p] for p in (COLUMN.arguments, COLUMN.results))
         for i in sorted({limit.link for limit in self.tree.limits}):
-            place = self.tree.links[i].v
-            entries = factor.solve_transposed_from(i, elements(x)[: place.stop - place.start])
+            velocities = self.tree.links[i].v
+            entries = factor.solve_transposed_from(
+                i, elements(x)[: velocities.stop - velocities.start]
+            )
             y = ca.cse(column(list(entries.values())))
             function = ca.Function(f"fan_column_{i}", [L, x], [y], names_in, names_out)
             columns[i] = list(entries), function
@@ -209,14 +214,14 @@ class Equations:
         pushes: dict[int, ca.Function] = {}
         (L, factor), x = self._stored, self.system.symbols.x
         for i, link in enumerate(self.tree.links):
-            way = [self.tree.links[j] for j in self.tree.ancestors(i)]
-            moved = [w.v for w in way if w.role is Role.DYNAMIC]
-            if not (self.tree.n_contacts and link.shapes and moved):
+            links_to_world = [self.tree.links[j] for j in self.tree.ancestors(i)]
+            moving_velocities = [w.v for w in links_to_world if w.role is Role.DYNAMIC]
+            if not (self.tree.n_contacts and link.shapes and moving_velocities):
                 continue
-            own = zeros(self.tree.coordinates.n_vD)
-            for place in moved:
-                own[place] = elements(x)[place]
-            y = ca.densify(ca.cse(column(factor.solve_transposed(own, {}))))
+            force = zeros(self.tree.coordinates.n_vD)
+            for velocities in moving_velocities:
+                force[velocities] = elements(x)[velocities]
+            y = ca.densify(ca.cse(column(factor.solve_transposed(force, {}))))
             pushes[i] = ca.Function(f"fan_push_{i}", [L, x], [y], ["L", "x"], ["y"])
         total = sum(function.n_instructions() for function in pushes.values())
         n_whole = self["solve_factor_transposed"].n_instructions()
@@ -227,9 +232,9 @@ class Equations:
         v, J, rates = self.system.symbols.v_D, self.system.symbols.J_limit, []
         limits = zip(self.tree.limits, self.system.limit_rows, strict=True)
         for i, (limit, (_, jacobian, _)) in enumerate(limits):
-            place = self.tree.links[limit.link].v
+            velocities = self.tree.links[limit.link].v
             row = [x if ca.SX(x).is_constant() else J[k, i] for k, x in enumerate(jacobian)]
-            rates.append(dot(np.array(row, dtype=object), elements(v[place])))
+            rates.append(dot(np.array(row, dtype=object), elements(v[velocities])))
         return {"rates": column(rates)}
 
     def _rows(self) -> dict[str, ca.SX]:
@@ -263,8 +268,8 @@ class Equations:
         motors = drives.forces(self.system, ca.SX(0)).f_D
         for drive in self.tree.drives:
             if drive.command is not None:
-                place = drive.command[1]
-                f_K[place : place + drive.v.stop - drive.v.start] = motors[drive.v]
+                command_start = drive.command[1]
+                f_K[command_start : command_start + drive.v.stop - drive.v.start] = motors[drive.v]
         return {"f_K": column(f_K)}
 
     def _motor_lags(self) -> dict[str, ca.SX]:

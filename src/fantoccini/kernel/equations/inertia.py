@@ -64,7 +64,7 @@ class BodyInertia:
         """
         J = self.J
         yz, xz, xy = J[1, 2], J[0, 2], J[0, 1]
-        turn = [
+        torque = [
             U[2, 1] * J[1, 1]
             - U[1, 2] * J[2, 2]
             + yz * (U[2, 2] - U[1, 1])
@@ -78,7 +78,7 @@ class BodyInertia:
             + xy * (U[1, 1] - U[0, 0])
             + (U[1, 2] * xz - U[0, 2] * yz),
         ]
-        return cross(self.h, a) + np.array(turn, dtype=object), scaled(self.m, a) + U.dot(self.h)
+        return cross(self.h, a) + np.array(torque, dtype=object), scaled(self.m, a) + U.dot(self.h)
 
     def in_parent(self, R: np.ndarray, r: np.ndarray) -> BodyInertia:
         """The inertia about the parent's origin, for a link with pose (R, r) in the parent.
@@ -86,12 +86,12 @@ class BodyInertia:
         J' = R J R^T + h r^T + r h'^T, with h and h' = h + m r in the parent's axes.
         """
         h = R.dot(self.h)
-        moved = h + scaled(self.m, r)
+        first_moment = h + scaled(self.m, r)
         out = rotated(R, self.J)
         for i in range(3):
             for j in range(i + 1):
-                out[i, j] = out[j, i] = out[i, j] + (h[i] * r[j] + r[i] * moved[j])
-        return BodyInertia(self.m, moved, out)
+                out[i, j] = out[j, i] = out[i, j] + (h[i] * r[j] + r[i] * first_moment[j])
+        return BodyInertia(self.m, first_moment, out)
 
     def without_mass(self) -> tuple[BodyInertia, BodyInertia]:
         """(rest, part): the part is a point mass at the origin."""
@@ -101,20 +101,22 @@ class BodyInertia:
     def without_axis(self, axis: np.ndarray) -> tuple[BodyInertia, BodyInertia]:
         """(rest, part): the part is mass on an axis."""
         e = symbolic(axis)
-        along, second = dot(e, self.h), dot(e, self.J.dot(e))
-        axial = np.array([[second * x * y for y in e] for x in e], dtype=object)
-        h, J = self.h - scaled(along, e), self.J - axial
+        h_along, J_along = dot(e, self.h), dot(e, self.J.dot(e))
+        axial = np.array([[J_along * x * y for y in e] for x in e], dtype=object)
+        h, J = self.h - scaled(h_along, e), self.J - axial
         for k in range(3):
             if abs(axis[k]) == 1.0:
                 h[k], J[k, k] = ca.SX(0), ca.SX(0)
-        return BodyInertia(ca.SX(0), h, J), BodyInertia(self.m, scaled(along, e), axial)
+        return BodyInertia(ca.SX(0), h, J), BodyInertia(self.m, scaled(h_along, e), axial)
 
     def without_turning(self) -> tuple[BodyInertia, BodyInertia]:
         """(rest, part): the part is the second moment, which acts in rotation only."""
         return BodyInertia(self.m, self.h, zeros(3, 3)), BodyInertia(ca.SX(0), zeros(3), self.J)
 
 
-def regrouped(tree: Tree, inertias: list[BodyInertia], at: list[np.ndarray]) -> list[BodyInertia]:
+def regrouped(
+    tree: Tree, inertias: list[BodyInertia], offsets: list[np.ndarray]
+) -> list[BodyInertia]:
     """Inertias with more zeros that give the same equations of motion.
 
     Mass that a joint does not move relative to the parent is moved to the parent: a link on a fixed
@@ -125,7 +127,7 @@ def regrouped(tree: Tree, inertias: list[BodyInertia], at: list[np.ndarray]) -> 
     Args:
         tree: the tree.
         inertias: inertias of the links about their origins.
-        at: (3,) origin of each link in its parent; used if the joint does not move it.
+        offsets: (3,) origin of each link in its parent; used if the joint does not move it.
     """
     out = list(inertias)
     for i in reversed(range(len(tree.links))):
@@ -133,16 +135,16 @@ def regrouped(tree: Tree, inertias: list[BodyInertia], at: list[np.ndarray]) -> 
         if link.kind == "free" or out[i].is_zero():
             continue
         if link.kind == "fixed":
-            out[i], moved = BodyInertia.zero(), out[i]
+            out[i], moved_inertia = BodyInertia.zero(), out[i]
         elif link.kind == "ball":
-            out[i], moved = out[i].without_mass()
+            out[i], moved_inertia = out[i].without_mass()
         elif link.kind == "revolute":
-            out[i], moved = out[i].without_axis(link.axes[:, 0])
+            out[i], moved_inertia = out[i].without_axis(link.axes[:, 0])
         else:
-            out[i], moved = out[i].without_turning()
+            out[i], moved_inertia = out[i].without_turning()
         if link.parent != WORLD:
-            moved = moved.in_parent(symbolic(link.rotation), at[i])
-            out[link.parent] = out[link.parent] + moved
+            moved_inertia = moved_inertia.in_parent(symbolic(link.rotation), offsets[i])
+            out[link.parent] = out[link.parent] + moved_inertia
     return out
 
 

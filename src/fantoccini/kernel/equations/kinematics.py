@@ -65,13 +65,13 @@ class LinkMotion:
         """Velocity of the origin, in the link's frame (Eq. 4)."""
         return self.R.T.dot(self.rate)
 
-    def point(self, at: np.ndarray) -> np.ndarray:
+    def point(self, local_position: np.ndarray) -> np.ndarray:
         """World position of a point fixed on the link."""
-        return self.r + self.R.dot(at)
+        return self.r + self.R.dot(local_position)
 
-    def point_velocity(self, at: np.ndarray) -> np.ndarray:
+    def point_velocity(self, local_position: np.ndarray) -> np.ndarray:
         """World velocity of a point fixed on the link."""
-        return self.rate + self.R.dot(cross(self.w, at))
+        return self.rate + self.R.dot(cross(self.w, local_position))
 
 
 def joint_motion(link: Link, q: np.ndarray, value: Value) -> JointMotion:
@@ -120,10 +120,10 @@ def link_motions(
     motions: list[LinkMotion] = []
     for i, link in enumerate(tree.links):
         joint = joints[i]
-        up = world if link.parent == WORLD else motions[link.parent]
+        parent_motion = world if link.parent == WORLD else motions[link.parent]
         Rt = joint.R.T
         w_joint, v_joint = joint.S_w.dot(velocity[i]), joint.S_v.dot(velocity[i])
-        w_carried = Rt.dot(up.w)
+        w_carried = Rt.dot(parent_motion.w)
         w = w_carried + w_joint
         # A free joint's linear velocity is in its joint frame already.
         slide = (
@@ -131,16 +131,24 @@ def link_motions(
             if link.kind == "free"
             else joint.R.dot(v_joint)
         )
-        rate = up.rate + up.R.dot(cross(up.w, joint.r) + slide)
-        alpha = Rt.dot(up.alpha) + joint.S_w.dot(acceleration[i]) + cross(w_carried, w_joint)
+        rate = parent_motion.rate + parent_motion.R.dot(cross(parent_motion.w, joint.r) + slide)
+        alpha = (
+            Rt.dot(parent_motion.alpha) + joint.S_w.dot(acceleration[i]) + cross(w_carried, w_joint)
+        )
         a = (
-            Rt.dot(up.a + up.U.dot(joint.r))
+            Rt.dot(parent_motion.a + parent_motion.U.dot(joint.r))
             + joint.S_v.dot(acceleration[i])
             + cross(scaled(2, w_carried), v_joint)
         )
         motions.append(
             LinkMotion(
-                up.R.dot(joint.R), up.r + up.R.dot(joint.r), rate, w, alpha, a, turning(w, alpha)
+                parent_motion.R.dot(joint.R),
+                parent_motion.r + parent_motion.R.dot(joint.r),
+                rate,
+                w,
+                alpha,
+                a,
+                turning(w, alpha),
             )
         )
     return motions

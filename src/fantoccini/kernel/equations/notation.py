@@ -33,11 +33,11 @@ class Notation:
 
     def fresh(self, letter: str) -> sp.Symbol:
         """A symbol with the letter and the next number."""
-        taken = {s.name for part in self.symbols.values() for s in part}
+        used_names = {s.name for part in self.symbols.values() for s in part}
         while True:
             self._taken[letter] = self._taken.get(letter, 0) + 1
             name = f"{letter}_{self._taken[letter]}"
-            if name not in taken:
+            if name not in used_names:
                 return sp.Symbol(name, real=True)
 
 
@@ -60,21 +60,21 @@ def notation(tree: Tree) -> Notation:
     names: dict[sp.Symbol, str] = {}
     written: dict[str, tuple[str, str]] = {}
     for name, letter in letters.items():
-        same = count[letter]
-        place = str(same.index(name) + 1) if len(same) > 1 else ""
-        written[name] = (letter, place)
+        names_of_letter = count[letter]
+        number = str(names_of_letter.index(name) + 1) if len(names_of_letter) > 1 else ""
+        written[name] = (letter, number)
     for role in ("D", "K"):
         q, v = getattr(table, f"q_{role}"), getattr(table, f"v_{role}")
         symbols[f"q_{role}"] = [_symbol(*_split(*written[name])) for name in q]
         names.update(zip(symbols[f"q_{role}"], q, strict=True))
         symbols[f"v_{role}"] = [_velocity(name, written) for name in v]
-    taken = {s.name for part in symbols.values() for s in part}
+    used_names = {s.name for part in symbols.values() for s in part}
     symbols["p"] = []
     for name in tree.parameters:
         text = name.replace("-", "_")
-        while text in taken:
+        while text in used_names:
             text += "_p"
-        taken.add(text)
+        used_names.add(text)
         symbols["p"].append(sp.Symbol(text, real=True))
         names[symbols["p"][-1]] = name
     quaternions = {
@@ -94,18 +94,18 @@ def _letter(name: str, turns: bool) -> str:
     return "theta" if turns else "s"
 
 
-def _split(letter: str, place: str) -> tuple[str, str]:
+def _split(letter: str, index_text: str) -> tuple[str, str]:
     """Letter and subscript; the component's digit is last in the subscript."""
-    return (letter[0], place + letter[1]) if letter[0] == "e" else (letter, place)
+    return (letter[0], index_text + letter[1]) if letter[0] == "e" else (letter, index_text)
 
 
 def _velocity(name: str, written: dict[str, tuple[str, str]]) -> sp.Symbol:
     last = name.rsplit(".", 1)[-1]
     if last in ("wx", "wy", "wz"):
-        _, place = written[f"{name[: -len(last)]}qw"]
-        return _symbol("omega", f"{place}{('wx', 'wy', 'wz').index(last) + 1}")
-    letter, place = written[name]
-    return _symbol(f"{letter}dot", place)
+        _, index_text = written[f"{name[: -len(last)]}qw"]
+        return _symbol("omega", f"{index_text}{('wx', 'wy', 'wz').index(last) + 1}")
+    letter, index_text = written[name]
+    return _symbol(f"{letter}dot", index_text)
 
 
 def _symbol(letter: str, subscript: str) -> sp.Symbol:

@@ -255,8 +255,8 @@ class _Converter:
                 return _Value(2 * x.value)
             case ca.OP_MUL | ca.OP_SQ:
                 square = self._product(x.value, y.value)
-                same = op == ca.OP_SQ or x.value == y.value
-                return _Value(square, ((x.value, 2),) if same else ())
+                is_square = op == ca.OP_SQ or x.value == y.value
+                return _Value(square, ((x.value, 2),) if is_square else ())
             case ca.OP_INV:
                 return _Value(self._inverse(x.value))
             case ca.OP_DIV:
@@ -283,11 +283,14 @@ class _Converter:
     def _reduced(self, value: PolyElement) -> PolyElement:
         """The value with the squares of some generators replaced, as ``_squares`` has them."""
         for generator, square in self._squares.items():
-            while high := {m: c for m, c in value.items() if m[generator] > 1}:
+            while high_powers := {m: c for m, c in value.items() if m[generator] > 1}:
                 lowered = self.ring.from_dict(
-                    {(*m[:generator], m[generator] - 2, *m[generator + 1 :]): high[m] for m in high}
+                    {
+                        (*m[:generator], m[generator] - 2, *m[generator + 1 :]): high_powers[m]
+                        for m in high_powers
+                    }
                 )
-                value = value - self.ring.from_dict(high) + lowered * square
+                value = value - self.ring.from_dict(high_powers) + lowered * square
         return value
 
     def _generator(self, key: tuple[Any, ...], expression: sp.Expr) -> PolyElement:

@@ -45,8 +45,12 @@ class RowArguments:
 
     def position(self, point: Point) -> np.ndarray:
         """(3,) world position of a point."""
-        at = self.local(point)
-        return at if point.link == WORLD else self.motions[point.link].point(at)
+        local_position = self.local(point)
+        return (
+            local_position
+            if point.link == WORLD
+            else self.motions[point.link].point(local_position)
+        )
 
     def velocity(self, point: Point) -> np.ndarray:
         """(3,) world velocity of a point."""
@@ -82,11 +86,11 @@ class RowArguments:
                 row[v0] = row[v0] + dot(motion.R.dot(joint.S_w[:, 0]), arm)
                 continue
             if link.kind == "free":
-                moved = joint.R_joint.dot(linear)
+                force_in_parent = joint.R_joint.dot(linear)
                 if link.parent == WORLD:
                     # The joint frame is fixed in the world: fewer products than through the body.
-                    moved = symbolic(link.rotation).T.dot(direction)
-                row[v0 : v0 + 3] = row[v0 : v0 + 3] + moved
+                    force_in_parent = symbolic(link.rotation).T.dot(direction)
+                row[v0 : v0 + 3] = row[v0 : v0 + 3] + force_in_parent
                 v0 = v0 + 3
             row[v0 : v0 + 3] = row[v0 : v0 + 3] + motion.R.T.dot(arm)
 
@@ -168,9 +172,9 @@ def path_row(arguments: RowArguments, points: tuple[Point, ...]) -> PathRow:
             continue
         dv = arguments.velocity(second) - arguments.velocity(first)
         u = scaled(1 / segment, d)
-        along = dot(u, dv)
-        rate = rate + along
-        bias = bias + (dot(dv, dv) - along * along) / segment
+        speed_along = dot(u, dv)
+        rate = rate + speed_along
+        bias = bias + (dot(dv, dv) - speed_along * speed_along) / segment
         pulls[k] = pulls[k] - u
         pulls[k + 1] = pulls[k + 1] + u
     for point, pull in zip(points, pulls, strict=True):

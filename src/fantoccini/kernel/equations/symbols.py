@@ -14,8 +14,8 @@ class Symbols(dict[str, ca.SX]):
     @classmethod
     def of(cls, tree: Tree) -> Symbols:
         """Fresh symbols with the sizes of a tree."""
-        known = (q for q in ARGUMENTS.values() if "n_packed" not in q.shape)
-        return cls({q.name: ca.SX.sym(q.name, *q.dimensions(tree.sizes)) for q in known})
+        quantities = (q for q in ARGUMENTS.values() if "n_packed" not in q.shape)
+        return cls({q.name: ca.SX.sym(q.name, *q.dimensions(tree.sizes)) for q in quantities})
 
     def __getattr__(self, name: str) -> ca.SX:
         try:

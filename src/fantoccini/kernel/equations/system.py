@@ -23,7 +23,7 @@ from fantoccini.kernel.equations.algebra import (
     symbolic,
     zeros,
 )
-from fantoccini.kernel.equations.elastic import Elastic, elastics
+from fantoccini.kernel.equations.elastic import ElasticForce, elastics
 from fantoccini.kernel.equations.inertia import BodyInertia, link_inertia, regrouped
 from fantoccini.kernel.equations.kinematics import (
     JointMotion,
@@ -95,12 +95,12 @@ class System:
         q = self.by_link(elements(self.symbols.q_D), elements(self.symbols.q_K), "q")
         return [joint_motion(link, q[i], self.value) for i, link in enumerate(self.tree.links)]
 
-    def by_link(self, dynamic: np.ndarray, driven: np.ndarray, part: str) -> list[np.ndarray]:
-        """Each link's entries of a dynamic and a driven vector; ``part`` is ``q`` or ``v``."""
+    def by_link(self, dynamic: np.ndarray, driven: np.ndarray, letter: str) -> list[np.ndarray]:
+        """Each link's entries of a dynamic and a driven vector; ``letter`` is ``q`` or ``v``."""
         parts = []
         for link in self.tree.links:
             source = {Role.DYNAMIC: dynamic, Role.DRIVEN: driven}.get(link.role, zeros(0))
-            parts.append(source[getattr(link, part)])
+            parts.append(source[getattr(link, letter)])
         return parts
 
     def _zeros(self) -> tuple[np.ndarray, np.ndarray]:
@@ -196,7 +196,7 @@ class System:
         return M
 
     @cached_property
-    def elastics(self) -> list[Elastic]:
+    def elastics(self) -> list[ElasticForce]:
         """Springs between points, and the pieces of chains."""
         return elastics(self.row_arguments(self.free_motions), self.unstretched_length)
 

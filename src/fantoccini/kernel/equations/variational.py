@@ -102,14 +102,14 @@ class Variational:
         for i, j in table.scalars_D:
             q[i] = q[i] + 0.5 * times * xi[j]
         for i, j in table.quaternions_D:
-            turn = scaled(0.25, elements(xi[j : j + 3]))
-            square = dot(turn, turn)
+            quarter_rotation = scaled(0.25, elements(xi[j : j + 3]))
+            square = dot(quarter_rotation, quarter_rotation)
             if times == 1:
                 scale = 1 / ca.sqrt(1 + square)
-                real, vector = scale, scaled(scale, turn)
+                real, vector = scale, scaled(scale, quarter_rotation)
             else:
                 scale = 1 / (1 + square)
-                real, vector = (1 - square) * scale, scaled(2 * scale, turn)
+                real, vector = (1 - square) * scale, scaled(2 * scale, quarter_rotation)
             w, u = q[i], q[i + 1 : i + 4].copy()
             q[i] = w * real - dot(u, vector)
             q[i + 1 : i + 4] = scaled(w, vector) + scaled(real, u) + cross(u, vector)
@@ -121,12 +121,14 @@ class Variational:
         G = scaled(0.5 * dt, force)
         before, after = P - G, P + G
         for _, j in table.quaternions_D:
-            place = slice(j, j + 3)
-            turn, own = scaled(0.25, xi[place]), P[place]
-            even = scaled(1 - dot(turn, turn), own) + scaled(2 * dot(turn, own), turn)
-            even = even - cross(turn, G[place])
-            odd = scaled(2, cross(turn, own)) - G[place]
-            before[place], after[place] = even + odd, even - odd
+            components = slice(j, j + 3)
+            quarter_rotation, momentum = scaled(0.25, xi[components]), P[components]
+            even = scaled(1 - dot(quarter_rotation, quarter_rotation), momentum) + scaled(
+                2 * dot(quarter_rotation, momentum), quarter_rotation
+            )
+            even = even - cross(quarter_rotation, G[components])
+            odd = scaled(2, cross(quarter_rotation, momentum)) - G[components]
+            before[components], after[components] = even + odd, even - odd
         return column(before), column(after)
 
     @cached_property
@@ -142,14 +144,14 @@ class Variational:
         P = system.armature * elements(s.v_D)
         motors = drives.forces(system, ca.SX(0)).f_D
         slope = elements(s.u_D) + motors - static
-        carried, twists = self._twists()
+        velocities, twists = self._twists()
         momenta = [
             inertia.momentum(*twist)
             for inertia, twist in zip(system.regrouped, twists, strict=True)
         ]
         sums = dynamics.summed(tree, system.joints, momenta)
         for link, joint, H, w_c, twist in zip(
-            tree.links, system.joints, sums, carried, twists, strict=True
+            tree.links, system.joints, sums, velocities, twists, strict=True
         ):
             if link.role is Role.DYNAMIC:
                 P[link.v] = P[link.v] + dynamics.project(joint, *H)
@@ -162,16 +164,16 @@ class Variational:
         system = self.equations.system
         s, tree = system.symbols, system.tree
         velocity = system.by_link(elements(s.v_D), elements(s.v_K), "v")
-        carried: list[np.ndarray] = []
+        velocities: list[np.ndarray] = []
         twists: list[tuple[np.ndarray, np.ndarray]] = []
         for i, link in enumerate(tree.links):
             joint = system.joints[i]
             w_up, v_up = (zeros(3), zeros(3)) if link.parent == WORLD else twists[link.parent]
             w, v = joint.R.T.dot(w_up), joint.R.T.dot(v_up + cross(w_up, joint.r))
-            carried.append(w)
-            own = velocity[i]
-            twists.append((w + joint.S_w.dot(own), v + joint.S_v.dot(own)))
-        return carried, twists
+            velocities.append(w)
+            joint_velocity = velocity[i]
+            twists.append((w + joint.S_w.dot(joint_velocity), v + joint.S_v.dot(joint_velocity)))
+        return velocities, twists
 
 
 def _slope(

@@ -31,9 +31,9 @@ class VariationalDerivatives:
 
     def functions(self, library: str) -> dict[str, ca.Function]:
         """Name -> function of a library; all results are dense."""
-        own = {"momenta": Variational(self.equations).functions()["momenta"]}
-        own |= {"momenta_by": self._momenta_by(), "midpoint_by": self._midpoint_by()}
-        return own | Derivatives(self.equations.tree).functions(library)
+        momenta = {"momenta": Variational(self.equations).functions()["momenta"]}
+        momenta |= {"momenta_by": self._momenta_by(), "midpoint_by": self._midpoint_by()}
+        return momenta | Derivatives(self.equations.tree).functions(library)
 
     def _called(self, function: ca.Function) -> dict[str, ca.SX]:
         """Name -> result of a function at the symbols."""
@@ -47,16 +47,18 @@ class VariationalDerivatives:
         A_D = self._called(self.equations["A_D"])["A_D"]
         e = ca.cse(self._called(momenta)["p_D"] + A_D.T @ s.tension)
         names = {"e_q": "q_D", "M": "v_D", "e_qK": "q_K", "M_DK": "v_K", "e_p": "p"}
-        derivatives = {name: along_tangents(e, s, tree, by) for name, by in names.items()}
+        derivatives = {
+            name: along_tangents(e, s, tree, variable) for name, variable in names.items()
+        }
         return declared("momenta_by", s, derivatives | {"e": e})
 
     def _midpoint_by(self) -> ca.Function:
         s, tree = self.equations.system.symbols, self.equations.tree
         rule = self._called(Variational(self.equations).functions()["midpoint_rule"])
         results = {name: rule[name] for name in ("before", "after")}
-        both = ca.cse(ca.vertcat(rule["before"], rule["after"]))
+        momenta = ca.cse(ca.vertcat(rule["before"], rule["after"]))
         n = tree.coordinates.n_vD
-        for name, by in (
+        for name, variable in (
             ("q", "q_D"),
             ("xi", "xi"),
             ("qm", "q_mid"),
@@ -65,15 +67,20 @@ class VariationalDerivatives:
             ("u", "u_D"),
             ("p", "p"),
         ):
-            part = along_tangents(both, s, tree, by)
-            results[f"before_{name}"], results[f"after_{name}"] = part[:n, :], part[n:, :]
+            derivative = along_tangents(momenta, s, tree, variable)
+            results[f"before_{name}"], results[f"after_{name}"] = (
+                derivative[:n, :],
+                derivative[n:, :],
+            )
         # N^T N is 1 for scalars and 1/4 for quaternions.
         weights = np.ones(n)
         for _, v in tree.coordinates.quaternions_D:
             weights[v : v + 3] = 4.0
-        back = ca.substitute(tangents(s, tree, "q_D"), s.q_D, rule["q_next"]).T
+        to_tangents = ca.substitute(tangents(s, tree, "q_D"), s.q_D, rule["q_next"]).T
         for name in ("q", "xi"):
-            by = "q_D" if name == "q" else "xi"
-            moved = ca.diag(weights) @ (back @ along_tangents(rule["q_next"], s, tree, by))
-            results[f"next_{name}"] = moved
+            variable = "q_D" if name == "q" else "xi"
+            next_q = ca.diag(weights) @ (
+                to_tangents @ along_tangents(rule["q_next"], s, tree, variable)
+            )
+            results[f"next_{name}"] = next_q
         return declared("midpoint_by", s, results)

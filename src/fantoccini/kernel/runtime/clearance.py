@@ -66,17 +66,17 @@ class Solids:
     def none(cls, tree: Tree) -> Solids:
         """No solids: clearance is infinite."""
         solids = np.zeros(0, dtype=SOLID)
-        none = np.zeros((0, 2), dtype=np.int32), np.zeros((0, 0), dtype=bool)
-        return cls(solids, solids, *none, np.full(len(tree.strings), -1.0), *moved_by(tree))
+        no_pairs = np.zeros((0, 2), dtype=np.int32), np.zeros((0, 0), dtype=bool)
+        return cls(solids, solids, *no_pairs, np.full(len(tree.strings), -1.0), *moved_by(tree))
 
 
 def moved_by(tree: Tree) -> tuple[Records, NDArray[np.int32]]:
     """``joints`` and ``carriers`` of :class:`Solids`."""
     joints = []
     for link in tree.links:
-        moves = link.v.stop > link.v.start
-        turns = {"revolute": 1, "ball": 4, "free": 4}.get(link.kind, 0) if moves else 0
-        role = 1 + (Role.DYNAMIC, Role.DRIVEN).index(link.role) if moves else 0
+        is_moving = link.v.stop > link.v.start
+        turns = {"revolute": 1, "ball": 4, "free": 4}.get(link.kind, 0) if is_moving else 0
+        role = 1 + (Role.DYNAMIC, Role.DRIVEN).index(link.role) if is_moving else 0
         slides = link.q.stop - link.q.start - turns
         joints.append((link.parent, role, link.q.start, slides, turns))
     carriers = [point.link for string in tree.strings for point in string.points]
@@ -201,29 +201,29 @@ class ClearanceLibrary(Loaded):
         arrays = clearance_arrays(solids, exact)
 
         def work(first: int, last: int) -> None:
-            part = slice(first, last)
+            chunk = slice(first, last)
             failed.append(
                 self.dll.fan_clearance(
                     ctypes.c_longlong(last - first),
-                    pointer(q_D[part]),
-                    pointer(q_K[part]),
+                    pointer(q_D[chunk]),
+                    pointer(q_K[chunk]),
                     pointer(p),
-                    *(None if a is None else pointer(a[part]) for a in move_arrays),
+                    *(None if a is None else pointer(a[chunk]) for a in move_arrays),
                     ctypes.byref(arrays),
-                    pointer(clearance[part]),
-                    pointer(lower[part]),
-                    pointer(pair[part]),
+                    pointer(clearance[chunk]),
+                    pointer(lower[chunk]),
+                    pointer(pair[chunk]),
                 )
             )
 
         parts = max(1, min(threads, n // _CONFIGURATIONS_PER_THREAD))
-        ends = np.linspace(0, n, parts + 1).astype(int)
-        helpers = [threading.Thread(target=work, args=span) for span in pairwise(ends[1:])]
+        bounds = np.linspace(0, n, parts + 1).astype(int)
+        helpers = [threading.Thread(target=work, args=span) for span in pairwise(bounds[1:])]
         with exact:
             for helper in helpers:
                 helper.start()
             if n:
-                work(0, ends[1])
+                work(0, bounds[1])
             for helper in helpers:
                 helper.join()
         if any(failed):

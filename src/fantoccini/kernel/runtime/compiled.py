@@ -129,7 +129,7 @@ class Library(Functions):
         return out
 
     def touches(
-        self, contacts: Contacts, pair: int, poses: Array, other: Array, margin: float
+        self, contacts: Contacts, pair: int, poses: Array, second_pose: Array, margin: float
     ) -> Array:
         """Contact points of a pair at n poses of its first solid's link.
 
@@ -137,7 +137,7 @@ class Library(Functions):
             contacts: the puppet's contacts.
             pair: index of the pair.
             poses: (n, 12) poses: R column by column, then the origin [m].
-            other: (12,) pose of the second solid's link; ignored for a standing solid.
+            second_pose: (12,) pose of the second solid's link; ignored for a standing solid.
             margin: largest gap of the points [m].
 
         Returns:
@@ -145,13 +145,13 @@ class Library(Functions):
             features; missing points have the feature -1.
         """
         out = np.zeros((len(poses), MAX_TOUCHES, 8))
-        poses, other = (np.ascontiguousarray(a, dtype=float) for a in (poses, other))
+        poses, second_pose = (np.ascontiguousarray(a, dtype=float) for a in (poses, second_pose))
         self.dll.fan_touches(
             ctypes.byref(contacts.structure),
             int(pair),
             len(poses),
             pointer(poses),
-            pointer(other),
+            pointer(second_pose),
             ctypes.c_double(margin),
             pointer(out),
         )

@@ -38,10 +38,10 @@ class Contacts:
     names: tuple[tuple[str, str], ...]
     hulls: tuple[Hull, ...] = ()
 
-    def subset(self, which: NDArray[np.bool_]) -> Contacts:
-        """The pairs that ``which`` (m,) marks."""
-        names = tuple(name for name, marked in zip(self.names, which, strict=True) if marked)
-        arrays = (self.pairs[which], self.friction[which], self.restitution[which])
+    def subset(self, selection: NDArray[np.bool_]) -> Contacts:
+        """The pairs that ``selection`` (m,) marks."""
+        names = tuple(name for name, marked in zip(self.names, selection, strict=True) if marked)
+        arrays = (self.pairs[selection], self.friction[selection], self.restitution[selection])
         return Contacts(self.solids, *arrays, names, self.hulls)
 
     def __reduce__(self) -> tuple[Any, ...]:

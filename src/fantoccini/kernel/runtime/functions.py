@@ -98,7 +98,7 @@ class Functions(Loaded):
             signature.pointers_in(*[_address(a) for a in flat_arguments]),
             signature.strides_in(*[a.shape[-1] if a.ndim > 1 else 0 for a in flat_arguments]),
             signature.pointers_out(
-                *[first + block.itemsize * n * at for at in signature.ends[:-1]]
+                *[first + block.itemsize * n * end for end in signature.ends[:-1]]
             ),
             signature.strides_out,
         )
@@ -113,8 +113,8 @@ class Functions(Loaded):
             name: name of the function.
             values: its arguments by name; others are ignored.
         """
-        wanted = {a.name: values[a.name] for a in FUNCTIONS[name].arguments}
-        return vars(self.evaluate(name, **wanted))
+        arguments = {a.name: values[a.name] for a in FUNCTIONS[name].arguments}
+        return vars(self.evaluate(name, **arguments))
 
 
 class _Signature:
@@ -141,10 +141,10 @@ class _Signature:
         except (KeyError, _ShapeError):
             flat_arguments = []
         if len(arguments) != len(flat_arguments):
-            wanted = ", ".join(f"{q.name} {q.shape}" for q in self.arguments)
+            signature_text = ", ".join(f"{q.name} {q.shape}" for q in self.arguments)
             passed = ", ".join(f"{key} {np.shape(a)}" for key, a in arguments.items())
             raise StateError(
-                f"{self.name} needs {wanted}, optionally with leading axes; found {passed}"
+                f"{self.name} needs {signature_text}, optionally with leading axes; found {passed}"
             )
         return flat_arguments
 
@@ -164,8 +164,8 @@ class _Signature:
         """The results by name."""
         results = SimpleNamespace()
         for q, start, end in zip(self.results, self.ends, self.ends[1:], strict=False):
-            part = block[n * start : n * end].reshape((*lead, *q.stored))
-            setattr(results, q.name, part.swapaxes(-1, -2) if len(q.stored) == 2 else part)
+            values = block[n * start : n * end].reshape((*lead, *q.stored))
+            setattr(results, q.name, values.swapaxes(-1, -2) if len(q.stored) == 2 else values)
         return results
 
 
@@ -208,7 +208,7 @@ def checked_integer(
     name: str,
     value: Any,
     kind: type[ctypes.c_int] | type[ctypes.c_longlong] = ctypes.c_int,
-    low: int | None = None,
+    minimum: int | None = None,
 ) -> int:
     """A whole number that fits its C integer; ctypes would silently wrap it.
 
@@ -216,19 +216,21 @@ def checked_integer(
         name: name of the number, for messages.
         value: the number.
         kind: the C integer, signed.
-        low: smallest allowed value; that of the integer by default.
+        minimum: smallest allowed value; that of the integer by default.
 
     Raises:
         ValueError: it is not a whole number, or it does not fit.
     """
-    high = 2 ** (8 * ctypes.sizeof(kind) - 1) - 1
-    low = -high - 1 if low is None else low
+    maximum = 2 ** (8 * ctypes.sizeof(kind) - 1) - 1
+    minimum = -maximum - 1 if minimum is None else minimum
     try:
         number: int | None = operator.index(value)
     except TypeError:
         number = None
-    if number is None or not low <= number <= high:
-        raise ValueError(f"{name} is {value!r}; it must be a whole number from {low} to {high}")
+    if number is None or not minimum <= number <= maximum:
+        raise ValueError(
+            f"{name} is {value!r}; it must be a whole number from {minimum} to {maximum}"
+        )
     return number
 
 

@@ -103,12 +103,12 @@ class GradientRun:
     def _new(self, *names: str) -> dict[str, AnyArray]:
         return new_arrays("GradientArrays", names, self._sizes, n=self._n)
 
-    def _structure(self, more: Mapping[str, AnyArray | None]) -> Any:
+    def _structure(self, extra_arrays: Mapping[str, AnyArray | None]) -> Any:
         return packed(
             "GradientArrays",
             n=self._n,
             options=self._options.structure(),
             u_D=self._force,
             reference_force=self._reference_force,
-            **self.arrays | dict(more),
+            **self.arrays | dict(extra_arrays),
         )

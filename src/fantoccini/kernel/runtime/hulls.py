@@ -109,17 +109,17 @@ def _outermost(parts: list[Any]) -> list[Any]:
     """The pieces of a mesh without those inside the hull of another, nearly convex piece."""
     planes = [_planes(np.array(p.vertices)) if _is_convex(p) else None for p in parts]
     visible = []
-    for i, part in enumerate(parts):
-        slack = TOLERANCES.flat * float(np.max(part.extents))
+    for i, mesh_part in enumerate(parts):
+        slack = TOLERANCES.flat * float(np.max(mesh_part.extents))
         hidden = any(
-            around is not None
+            other_planes is not None
             and k != i
-            and parts[k].volume > part.volume
-            and np.max(part.vertices @ around[:, :3].T + around[:, 3]) <= slack
-            for k, around in enumerate(planes)
+            and parts[k].volume > mesh_part.volume
+            and np.max(mesh_part.vertices @ other_planes[:, :3].T + other_planes[:, 3]) <= slack
+            for k, other_planes in enumerate(planes)
         )
         if not hidden:
-            visible.append(part)
+            visible.append(mesh_part)
     return visible
 
 
@@ -163,10 +163,10 @@ def hull_of(points: Array) -> Hull:
         return hull_of(vertices[uses >= 3] + centroid)
     begins = np.cumsum([0, *(len(f.corners) for f in facets)])
     edges, sides = _edges_of([f.corners for f in facets])
-    around: list[list[int]] = [[] for _ in vertices]
+    neighbours: list[list[int]] = [[] for _ in vertices]
     for i, facet in enumerate(facets):
         for corner in facet.corners:
-            around[corner].append(i)
+            neighbours[corner].append(i)
     return Hull(
         centroid=centroid,
         vertices=vertices,
@@ -175,8 +175,8 @@ def hull_of(points: Array) -> Hull:
         corners=_whole(np.concatenate([f.corners for f in facets])),
         sides=_whole(sides),
         edges=_whole(edges).reshape(-1, 4),
-        around_begins=_whole(np.cumsum([0, *map(len, around)])),
-        around=_whole(np.concatenate(around)),
+        around_begins=_whole(np.cumsum([0, *map(len, neighbours)])),
+        around=_whole(np.concatenate(neighbours)),
     )
 
 
@@ -230,19 +230,19 @@ def _flat_groups(vertices: Array, flat: float) -> Iterator[NDArray[np.int32]]:
     outward = np.sign(np.einsum("ni,ni->n", normals, hull.equations[:, :3]))
     triangles = np.where((outward > 0)[:, None], hull.simplices, hull.simplices[:, ::-1])
     area = np.linalg.norm(normals, axis=1)
-    free = np.ones(len(triangles), dtype=bool)
+    is_ungrouped = np.ones(len(triangles), dtype=bool)
     for seed in np.argsort(-area, kind="stable"):
-        if not free[seed]:
+        if not is_ungrouped[seed]:
             continue
         normal = normals[seed] * outward[seed] / area[seed]
         height = vertices[triangles[seed, 0]] @ normal
         off = np.abs(vertices @ normal - height) <= flat
         group, edge = [int(seed)], [int(seed)]
-        free[seed] = False
+        is_ungrouped[seed] = False
         while edge:
             for neighbour in hull.neighbors[edge.pop()]:
-                if free[neighbour] and np.all(off[triangles[neighbour]]):
-                    free[neighbour] = False
+                if is_ungrouped[neighbour] and np.all(off[triangles[neighbour]]):
+                    is_ungrouped[neighbour] = False
                     group.append(int(neighbour))
                     edge.append(int(neighbour))
         yield triangles[group]
@@ -260,9 +260,9 @@ def _in_turn(triangles: NDArray[np.int32]) -> list[int]:
 
 def _edges_of(polygons: list[list[int]]) -> tuple[list[list[int]], list[int]]:
     """(e, 4) edges, and the edge from each corner of every polygon to the next."""
-    left = {pair: i for i, p in enumerate(polygons) for pair in pairwise([*p, p[0]])}
-    number = {pair: k for k, pair in enumerate(sorted(p for p in left if p[0] < p[1]))}
-    edges = [[*pair, left[pair], left[pair[::-1]]] for pair in number]
+    face_of_edge = {pair: i for i, p in enumerate(polygons) for pair in pairwise([*p, p[0]])}
+    number = {pair: k for k, pair in enumerate(sorted(p for p in face_of_edge if p[0] < p[1]))}
+    edges = [[*pair, face_of_edge[pair], face_of_edge[pair[::-1]]] for pair in number]
     sides = [number[min(pair, pair[::-1])] for p in polygons for pair in pairwise([*p, p[0]])]
     return edges, sides
 

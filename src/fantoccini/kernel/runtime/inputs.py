@@ -28,7 +28,7 @@ class HeldInput:
     """
 
     def __init__(self, table: CoordinateTable):
-        self._table, self._places = table, table.places_K
+        self._table, self._places = table, table.scalar_indices_K
         self._breaks, self._base = np.zeros(2), np.zeros((1, table.n_qK))
         self._coef = np.zeros((1, table.n_vK, N_COEF))
         self._force = np.zeros((1, table.n_vD, N_COEF))

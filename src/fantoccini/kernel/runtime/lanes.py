@@ -89,13 +89,14 @@ class LaneHistory:
     def __init__(self, record: LaneRecord, m: int, names: Iterable[str]):
         self._now = {name: getattr(record, name) for name in names}
         self.parts: dict[str, Any] = {
-            name: np.zeros((m, *now.shape), dtype=now.dtype) for name, now in self._now.items()
+            name: np.zeros((m, *current.shape), dtype=current.dtype)
+            for name, current in self._now.items()
         }
 
     def keep(self, i: int) -> None:
         """Stores the present record as moment i."""
-        for name, now in self._now.items():
-            self.parts[name][i] = now
+        for name, current in self._now.items():
+            self.parts[name][i] = current
 
 
 class LaneSteppers:

@@ -37,22 +37,22 @@ _GROUPS = (
 """Limit, use, and the reclaimable part of it, for both kinds of control groups."""
 
 
-def bound(need: float, given: float | None) -> float:
-    """Memory that a run may take [bytes]: ``given``, or half of the free memory.
+def bound(n_bytes: float, max_memory: float | None) -> float:
+    """Memory that a run may take [bytes]: ``max_memory``, or half of the free memory.
 
     Args:
-        need: requested memory; small amounts are granted without a check [bytes].
-        given: bound set by the user, or None [bytes].
+        n_bytes: requested memory; small amounts are granted without a check [bytes].
+        max_memory: bound set by the user, or None [bytes].
     """
-    if given is not None:
-        return given
-    return np.inf if need < MEMORY.always_free else allowed()
+    if max_memory is not None:
+        return max_memory
+    return np.inf if n_bytes < MEMORY.always_free else allowed()
 
 
 def allowed() -> float:
     """Half of the memory still available to this process [bytes]."""
-    free = filter(None, (_free(), of_group(), _of_process()))
-    return 0.5 * min(free, default=MEMORY.assumed_free)
+    free_amounts = filter(None, (_free(), of_group(), _of_process()))
+    return 0.5 * min(free_amounts, default=MEMORY.assumed_free)
 
 
 def bytes_of(n_samples: float, width: int) -> float:
@@ -74,11 +74,11 @@ def _free() -> float | None:
 def of_group(root: Path = Path("/sys/fs/cgroup")) -> float | None:
     """Free memory of the control group, such as a container's [bytes]."""
     for limit, use, spare in _GROUPS:
-        bound_text, used = _text(root / limit).strip(), _text(root / use).strip()
-        if bound_text.isdigit() and used.isdigit():
+        bound_text, used_text = _text(root / limit).strip(), _text(root / use).strip()
+        if bound_text.isdigit() and used_text.isdigit():
             stat = _text((root / use).parent / "memory.stat").split()
             reclaimable = int(stat[stat.index(spare) + 1]) if spare in stat else 0
-            return max(1.0, float(int(bound_text) - int(used) + reclaimable))
+            return max(1.0, float(int(bound_text) - int(used_text) + reclaimable))
     return None
 
 
@@ -89,10 +89,10 @@ def _of_process() -> float | None:
 
         limit, _ = resource.getrlimit(resource.RLIMIT_AS)
         pages = int(_text(Path("/proc/self/statm")).split()[0])
-        used = pages * os.sysconf("SC_PAGE_SIZE")
+        used_bytes = pages * os.sysconf("SC_PAGE_SIZE")
     except (ImportError, IndexError, OSError, ValueError):
         return None
-    return None if limit == resource.RLIM_INFINITY else max(1.0, float(limit - used))
+    return None if limit == resource.RLIM_INFINITY else max(1.0, float(limit - used_bytes))
 
 
 def _text(file: Path) -> str:

@@ -61,7 +61,9 @@ class RunOptions:
             ("max_steps", ctypes.c_longlong),
             ("max_events", ctypes.c_longlong),
         ):
-            object.__setattr__(self, name, checked_integer(name, getattr(self, name), kind, low=1))
+            object.__setattr__(
+                self, name, checked_integer(name, getattr(self, name), kind, minimum=1)
+            )
         if self.max_memory is not None and not self.max_memory > 0:
             raise ValueError(f"max_memory is {self.max_memory}; it must be positive [bytes]")
 

@@ -25,7 +25,7 @@ _DTYPES: dict[str, Any] = {
 
 
 def new_arrays(
-    structure: str, names: Iterable[str], sizes: Mapping[str, int], **more: int
+    structure: str, names: Iterable[str], sizes: Mapping[str, int], **extra_sizes: int
 ) -> dict[str, AnyArray]:
     """Arrays of zeros that a structure points to, by name, with the contract's shapes and types.
 
@@ -33,9 +33,9 @@ def new_arrays(
         structure: its name.
         names: names of its fields.
         sizes: the puppet's sizes.
-        more: other sizes in the shapes, such as ``n``.
+        extra_sizes: other sizes in the shapes, such as ``n``.
     """
-    lengths = {**sizes, **more}
+    lengths = {**sizes, **extra_sizes}
     fields = {name: _fields(structure)[name] for name in names}
     return {
         name: np.zeros([_size(axis, lengths) for axis in field.shape], dtype=field.dtype)
@@ -139,8 +139,8 @@ class _Packed:
 
 @cache
 def _fields(structure: str) -> dict[str, _Packed]:
-    (own,) = (s for s in STRUCTURES if s.name == structure)
-    return {field.name: _Packed.of(field) for field in own.fields}
+    (declaration,) = (s for s in STRUCTURES if s.name == structure)
+    return {field.name: _Packed.of(field) for field in declaration.fields}
 
 
 def _size(axis: str, lengths: Mapping[str, int]) -> int:

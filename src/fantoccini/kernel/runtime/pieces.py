@@ -99,10 +99,10 @@ def _spread(points: Array) -> list[int]:
     """Four points of a large tetrahedron, by a greedy choice."""
     a = int(np.argmin(points[:, 0]))
     b = int(np.argmax(np.linalg.norm(points - points[a], axis=1)))
-    along = (points[b] - points[a]) / np.linalg.norm(points[b] - points[a])
+    direction = (points[b] - points[a]) / np.linalg.norm(points[b] - points[a])
     from_a = points - points[a]
-    c = int(np.argmax(np.linalg.norm(from_a - np.outer(from_a @ along, along), axis=1)))
-    d = int(np.argmax(np.abs(from_a @ np.cross(along, from_a[c]))))
+    c = int(np.argmax(np.linalg.norm(from_a - np.outer(from_a @ direction, direction), axis=1)))
+    d = int(np.argmax(np.abs(from_a @ np.cross(direction, from_a[c]))))
     return [a, b, c, d]
 
 
@@ -140,29 +140,29 @@ def _corners_of(points: Array, size: float) -> Array:
     return points if len(points) <= int(HULL_VERTICES) else standing_out(points, size)
 
 
-def _merged(corners: Array, vertices: Array, near: float) -> Array:
-    """Corners (n, 3) at least ``near`` apart [m]; those near a mesh vertex are moved to it.
+def _merged(corners: Array, vertices: Array, max_distance: float) -> Array:
+    """Corners (n, 3) at least ``max_distance`` apart [m]; those near a mesh vertex are moved to it.
 
     Cuts leave corners that nearly coincide, with facets of arbitrary direction between them.
     """
     from scipy.spatial import cKDTree
 
-    away, which = cKDTree(vertices).query(corners)
-    moved = np.where((away < near)[:, None], vertices[which], corners)
-    is_kept = np.ones(len(moved), dtype=bool)
-    tree = cKDTree(moved)
-    for i in np.argsort(away, kind="stable"):  # the mesh's own first
+    distance, nearest_vertex = cKDTree(vertices).query(corners)
+    snapped = np.where((distance < max_distance)[:, None], vertices[nearest_vertex], corners)
+    is_kept = np.ones(len(snapped), dtype=bool)
+    tree = cKDTree(snapped)
+    for i in np.argsort(distance, kind="stable"):  # the mesh's own first
         if is_kept[i]:
-            is_kept[[k for k in tree.query_ball_point(moved[i], near) if k != i]] = False
-    return moved[is_kept]
+            is_kept[[k for k in tree.query_ball_point(snapped[i], max_distance) if k != i]] = False
+    return snapped[is_kept]
 
 
 def thickness(points: Array) -> float:
     """Extent [m] of points (n, 3) along the axis in which they vary least."""
     if len(points) < 4:
         return 0.0
-    away = points - points.mean(axis=0)
-    return float(np.ptp(away @ np.linalg.svd(away, full_matrices=False)[2][-1]))
+    offsets = points - points.mean(axis=0)
+    return float(np.ptp(offsets @ np.linalg.svd(offsets, full_matrices=False)[2][-1]))
 
 
 def _deviation(mesh: Any, pieces: list[Array], size: float) -> float:
@@ -173,7 +173,7 @@ def _deviation(mesh: Any, pieces: list[Array], size: float) -> float:
     if not pieces:
         return np.inf
     samples, missed = [], np.inf
-    own = np.concatenate([mesh.vertices, mesh.triangles_center])
+    mesh_points = np.concatenate([mesh.vertices, mesh.triangles_center])
     for corners in pieces:
         hull = ConvexHull(corners)
         samples.append(
@@ -182,11 +182,11 @@ def _deviation(mesh: Any, pieces: list[Array], size: float) -> float:
             )[0]
         )
         planes = np.unique(hull.equations, axis=0)
-        missed = np.minimum(missed, np.max(own @ planes[:, :3].T + planes[:, 3], axis=1))
+        missed = np.minimum(missed, np.max(mesh_points @ planes[:, :3].T + planes[:, 3], axis=1))
     points = np.concatenate(samples)
-    away = distances(mesh, points)
-    suspects = np.flatnonzero(away > TOLERANCES.deviation * size)
-    outside = away[suspects[~inside(mesh, points[suspects])]]
+    distance = distances(mesh, points)
+    suspects = np.flatnonzero(distance > TOLERANCES.deviation * size)
+    outside = distance[suspects[~inside(mesh, points[suspects])]]
     return max(float(np.max(outside, initial=0.0)), float(np.max(missed, initial=0.0)))
 
 
@@ -200,13 +200,22 @@ def distances(mesh: Any, points: Array) -> Array:
     surface.beginModel(len(mesh.faces), len(mesh.vertices))
     surface.addSubModel(corners, triangles)
     surface.endModel()
-    point, request, here = coal.Sphere(1e-12), coal.DistanceRequest(), coal.Transform3s.Identity()
+    point, request, identity = (
+        coal.Sphere(1e-12),
+        coal.DistanceRequest(),
+        coal.Transform3s.Identity(),
+    )
     request.enable_signed_distance = False
-    turn = np.eye(3)
+    rotation_ = np.eye(3)
     return np.array(
         [
             coal.distance(
-                surface, here, point, coal.Transform3s(turn, x), request, coal.DistanceResult()
+                surface,
+                identity,
+                point,
+                coal.Transform3s(rotation_, x),
+                request,
+                coal.DistanceResult(),
             )
             for x in points
         ]

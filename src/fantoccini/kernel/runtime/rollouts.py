@@ -272,16 +272,18 @@ class RolloutPool:
         if any(np.shape(a) != (n,) for a in indices.values()):
             raise ValueError(f"{', '.join(indices)} must have one entry for each rollout")
         led = np.any(np.less(indices["n_given"], indices["n_segments"]))
-        for name, low, high in (
+        for name, minimum, maximum in (
             ("start", 0, n_starts - 1),
             ("n_segments", 1, segments),
             ("n_given", 0, segments),
             ("law", 0, n_laws - 1 if led else max(0, n_laws - 1)),
         ):
             a = indices[name]
-            if n and not (low <= np.min(a) and np.max(a) <= high):
+            if n and not (minimum <= np.min(a) and np.max(a) <= maximum):
                 span = f"{np.min(a)} to {np.max(a)}"
-                raise ValueError(f"{name} ranges from {span}; it must lie in {low} to {high}")
+                raise ValueError(
+                    f"{name} ranges from {span}; it must lie in {minimum} to {maximum}"
+                )
 
     def _work(self, arrays: Any) -> int:
         """Simulates the rollouts; index of the first that reached the goal, n if there is none."""
@@ -290,22 +292,22 @@ class RolloutPool:
         def work() -> int:
             return self._library.dll.fan_rollouts(ctypes.byref(arrays), ctypes.byref(progress))
 
-        others: list[Future[int]] = []
-        needed = -(-arrays.n // _THREADING.lanes) - 1
+        helpers: list[Future[int]] = []
+        n_needed = -(-arrays.n // _THREADING.lanes) - 1
         # Python handles signals only while this thread is outside the library.
         steps = arrays.n * arrays.segments * arrays.n_checks * arrays.steps
-        away = steps > _THREADING.max_blocking_steps
+        releases_lock = steps > _THREADING.max_blocking_steps
         try:
-            for _ in range(min(self._others, needed) + away):
-                others.append(_helpers(self._others + 1).submit(work))
-            failed = [] if away else [work()]
-            failed += [other.result() for other in others]
+            for _ in range(min(self._others, n_needed) + releases_lock):
+                helpers.append(_helpers(self._others + 1).submit(work))
+            failed = [] if releases_lock else [work()]
+            failed += [helper.result() for helper in helpers]
         except BaseException:
             # Output arrays must live until all have stopped, however often Ctrl-C is pressed.
             progress.reached = -1
-            while not all(other.done() or other.cancel() for other in others):
+            while not all(helper.done() or helper.cancel() for helper in helpers):
                 with contextlib.suppress(KeyboardInterrupt):
-                    wait(others)
+                    wait(helpers)
             raise
         if any(failed):
             raise MemoryError("no memory for rollouts")

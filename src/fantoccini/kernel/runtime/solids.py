@@ -54,10 +54,10 @@ def hull_solid(hull: Hull, number: int, link: int) -> np.ndarray:
     return record
 
 
-def half_space(at: ArrayLike, normal: ArrayLike) -> np.ndarray:
+def half_space(point: ArrayLike, normal: ArrayLike) -> np.ndarray:
     """The half-space below the plane through a point (3,) with an outward normal (3,)."""
     record = empty(WORLD)
-    record["kind"], record["a"], record["b"] = SolidKind.HALF_SPACE, at, normal
+    record["kind"], record["a"], record["b"] = SolidKind.HALF_SPACE, point, normal
     return record
 
 
@@ -91,6 +91,6 @@ def _set_ellipsoid(record: np.ndarray, shape: Ellipsoid) -> None:
     """The capsule along the longest axis has the middle radius."""
     radii, centre = np.asarray(shape.radii, dtype=float), np.asarray(shape.at, dtype=float)
     longest, radius = int(np.argmax(radii)), float(np.sort(radii)[1])
-    along = (radii[longest] - radius) * _rotation(shape)[:, longest]
-    _set_capsule(record, centre - along, centre + along, radius)
+    half_axis = (radii[longest] - radius) * _rotation(shape)[:, longest]
+    _set_capsule(record, centre - half_axis, centre + half_axis, radius)
     record["R"], record["half"] = _rotation(shape).T.ravel(), radii

@@ -68,7 +68,7 @@ class StagePrograms:
 
     def solve(
         self,
-        given: Mapping[str, Array],
+        arrays: Mapping[str, Array],
         *,
         unit: float,
         unbounded: float,
@@ -79,7 +79,7 @@ class StagePrograms:
         """The solution of a program.
 
         Args:
-            given: arrays of the contract's ``StageProgramArrays``, by name.
+            arrays: arrays of the contract's ``StageProgramArrays``, by name.
             unit: unit of the cost.
             unbounded: magnitude above which a bound never binds.
             tolerance: tolerance of the residuals.
@@ -89,8 +89,8 @@ class StagePrograms:
         Raises:
             MemoryError: no memory for it.
         """
-        N, n_z, k = given["B"].shape
-        m = given["C"].shape[1]
+        N, n_z, k = arrays["B"].shape
+        m = arrays["C"].shape[1]
         sizes = {"N": N, "n_z": n_z, "k": k, "m": m}
         names = ("u", "z", "costate", "passed", "force", "gain")
         out: dict[str, Any] = new_arrays("StageProgramArrays", names, sizes)
@@ -102,7 +102,7 @@ class StagePrograms:
             tolerance=tolerance,
             barrier=barrier,
             most_iterations=iterations,
-            **given,
+            **arrays,
             **out,
         )
         if self._dll.fan_stage_solve(self._handle, ctypes.byref(numbers)):

@@ -9,7 +9,7 @@ import numpy as np
 
 from fantoccini.base import Array, StateError, UnknownNameError
 from fantoccini.dynamics import Marionette
-from fantoccini.dynamics.compiled import OFFSETS, PARAMETER_STEP, WEIGHTS, relations
+from fantoccini.dynamics.compiled import OFFSETS, PARAMETER_STEP, WEIGHTS, moving_and_carrying
 
 
 @dataclass(frozen=True)
@@ -120,7 +120,7 @@ class Channels:
         R, r = self._frames(kinematics.poses.swapaxes(-1, -2))
         points = (R @ marker_positions[..., None])[..., 0] + r
         screws = np.concatenate([kinematics.screw_D, kinematics.screw_K], axis=-1)
-        is_moved_by = relations(marionette.tree)[0]
+        is_moved_by = moving_and_carrying(marionette.tree)[0]
         derivative = np.zeros((N, self.n_kinematic, n + k))
         for i, link in enumerate(self._links):
             twist = screws * is_moved_by[link]

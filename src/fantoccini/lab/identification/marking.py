@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path as FilePath
 from typing import Any
 
-from fantoccini.base import StateError, nearest, replacing
+from fantoccini.base import StateError, did_you_mean, replacing
 from fantoccini.base.documents import Located, Path, with_numbers
 from fantoccini.model.puppet import Puppet, is_number, items, parameters, twin_name, word
 
@@ -68,7 +68,7 @@ def find_number(data: Any, label: str, used_names: Collection[str] = ()) -> File
                 f"{label.split('.', 1)[0]} is the mirror image of {original}, whose "
                 f"numbers it shares; name those of {original}"
             )
-        hint = nearest(label.split(".", 1)[0], names)
+        hint = did_you_mean(label.split(".", 1)[0], names)
         raise StateError(
             f"found {label}: no parameter has this name, and no part of the puppet has the name "
             f"before the first dot{hint}"
@@ -166,7 +166,9 @@ def _follow_keys(data: Any, path: Path, keys: list[str]) -> tuple[Path, Any]:
             return (*path, key, keys[-1]), None
         else:
             allowed = list(node) if isinstance(node, dict) else ["x", "y", "z", "0", "1", "2"]
-            raise StateError(f"{'.'.join(keys)}: found no {key}{nearest(key, map(str, allowed))}")
+            raise StateError(
+                f"{'.'.join(keys)}: found no {key}{did_you_mean(key, map(str, allowed))}"
+            )
         path, node = (*path, index), node[index]
     return path, node
 

@@ -191,7 +191,7 @@ class Record(ShortRepr):
         tree, number = self.marionette.tree, self.marionette.number
         bounding_box = measure(tree, number)
         paths = path_lengths(tree, bounding_box.poses, number).values()
-        puppet_reach = float(np.max(np.abs([bounding_box.low, bounding_box.high]))) + max(
+        puppet_reach = float(np.max(np.abs([bounding_box.lower, bounding_box.upper]))) + max(
             paths, default=0.0
         )
         q_K_at_ends = self.inputs.evaluate(np.array([self.inputs.start, self.inputs.end]))[0]

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fantoccini.base import Array, FileError, OnProgress, StateError, nearest
+from fantoccini.base import Array, FileError, OnProgress, StateError, did_you_mean
 from fantoccini.base.documents import (
     ANGLES,
     LENGTHS,
@@ -77,7 +77,7 @@ def load_record(path: str | os.PathLike[str], *, progress: OnProgress | None = N
         numbers[number] = value
         known = None if entry is None else entry.known
         unknown.append(Unknown(number.parameter, about, known, number.label, number.positive))
-    check.refuse()
+    check.raise_if_any()
     marionette = check.need(
         ("puppet",), lambda: Marionette(puppet_with_parameters(puppet, numbers), progress)
     )
@@ -86,7 +86,7 @@ def load_record(path: str | os.PathLike[str], *, progress: OnProgress | None = N
     scalars = driven_scalars(marionette)
     for i, name in enumerate(file.offsets):
         if name not in scalars:
-            text = f"{shown(name)} is no scalar driven coordinate{nearest(name, scalars)}"
+            text = f"{shown(name)} is no scalar driven coordinate{did_you_mean(name, scalars)}"
             check(("offsets", i), lambda text=text: _raise_error(text))
     for name, pose in file.start.items():
         check(("start", name), lambda name=name, pose=pose: marionette.state({name: pose}))
@@ -104,12 +104,12 @@ def load_record(path: str | os.PathLike[str], *, progress: OnProgress | None = N
         Marker(name, marker.body, marker.at, marker.find) for name, marker in file.markers.items()
     ]
     noise = _noise_levels(file, values, check)
-    check.refuse()
+    check.raise_if_any()
     if values:
         measured_t = t[np.any(np.isfinite(list(values.values())), axis=0)]
         if len(measured_t):
             check(inputs_location, lambda: check_overlap(measured_t - delay, inputs, 0.0))
-            check.refuse()
+            check.raise_if_any()
     record = check.need(
         (),
         lambda: Record(
@@ -194,17 +194,17 @@ def _columns_by_quantity(
     for name, column in file.columns.items():
         location = ("columns", name)
         if name not in columns:
-            text = f"there is no such column{nearest(name, tuple(columns))}"
+            text = f"there is no such column{did_you_mean(name, tuple(columns))}"
             check(location, lambda text=text: _raise_error(text))
             continue
         if column.coordinate is not None and column.coordinate not in scalars:
             text = f"found no scalar coordinate {shown(column.coordinate)}"
-            text += nearest(column.coordinate, scalars)
+            text += did_you_mean(column.coordinate, scalars)
             check((*location, "coordinate"), lambda text=text: _raise_error(text))
         quantity = _quantity(name, column)
         if column.tension is not None and quantity not in strings:
             text = f"found no string {shown(column.tension)}"
-            text += nearest(quantity, strings).replace(".tension", "")
+            text += did_you_mean(quantity, strings).replace(".tension", "")
             check((*location, "tension"), lambda text=text: _raise_error(text))
         si_unit = SI_UNITS.get(column.unit or "", "")
         if si_unit and unit_of_quantity.get(quantity, si_unit) != si_unit:
@@ -249,7 +249,7 @@ def _noise_levels(
     for name, level in file.noise.items():
         quantity = name if name in file.markers else _quantity(name, file.columns.get(name))
         if quantity not in file.markers and quantity not in values:
-            text = f"{shown(name)} is no marker or column{nearest(name, names)}"
+            text = f"{shown(name)} is no marker or column{did_you_mean(name, names)}"
             check(("noise", name), lambda text=text: _raise_error(text))
         levels[quantity] = level
     return levels
@@ -315,6 +315,6 @@ def _measured_columns(
         else:
             names = (*axes, *scalars, *strings)
             text = f"the column {shown(name)} is no marker, coordinate or tension"
-            text += f"{nearest(name, names)}; name it under columns"
+            text += f"{did_you_mean(name, names)}; name it under columns"
             check(("samples",), lambda text=text: _raise_error(text))
     return measured

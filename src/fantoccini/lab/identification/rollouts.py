@@ -239,10 +239,10 @@ def differentiate(
             q_derivatives[samples_now] = (1.0 - weight) * Z[segments[samples_now], :n_v]
             if (
                 tension_derivatives is not None
-                and linearisation.pull is not None
+                and linearisation.tension_partials is not None
                 and len(samples_now)
             ):
-                derivative = linearisation.pull[j * S + segments[samples_now]]
+                derivative = linearisation.tension_partials[j * S + segments[samples_now]]
                 tension_derivatives[samples_now] = (
                     derivative[..., : 2 * n_v] @ Z[segments[samples_now]]
                 )
@@ -265,8 +265,8 @@ def differentiate(
                 else driven.u_D[steps_of_block].reshape(block_size * S, -1)
             )
             motion = q_D, v_D, q_K, v_K
-            inputs = StepInputs.of(marionette, motion, acc_K, force, p, driven.dt)
-            options = StepOptions(pull=pull, threads=threads)
+            inputs = StepInputs.from_arrays(marionette, motion, acc_K, force, p, driven.dt)
+            options = StepOptions(tension_partials=pull, threads=threads)
             linearisation = linearise_steps(marionette, inputs, options, memory)
             memory = linearisation.motion
             for task in [

@@ -19,8 +19,8 @@ from fantoccini.base.documents import (
     Sized,
     Value,
     document_schema,
-    mistake,
-    refuse,
+    raise_if_any,
+    validation_error,
 )
 
 
@@ -51,9 +51,9 @@ class ColumnEntry(Model):
     @model_validator(mode="after")
     def _check_quantity(self) -> ColumnEntry:
         if self.coordinate is not None and self.tension is not None:
-            raise mistake("found `coordinate` and `tension`; needed: only one of them")
+            raise validation_error("found `coordinate` and `tension`; needed: only one of them")
         if self.coordinate is None and self.tension is None and self.unit is None:
-            raise mistake("needed: `coordinate` or `tension`, or a `unit`")
+            raise validation_error("needed: `coordinate` or `tension`, or a `unit`")
         return self
 
 
@@ -109,7 +109,7 @@ class RecordFile(Document):
 
     @model_validator(mode="after")
     def _check_offsets(self) -> RecordFile:
-        refuse(
+        raise_if_any(
             (("offsets", i), f"{name} is listed twice")
             for i, name in enumerate(self.offsets)
             if name in self.offsets[:i]

@@ -132,7 +132,7 @@ def suggest_motion(
         StateError: no candidate can be done.
     """
     check_positive(duration=duration, rate=rate, reach=reach, segment=segment, dt=dt)
-    draws = checked_integer("draws", draws, low=1)
+    draws = checked_integer("draws", draws, minimum=1)
     if candidates is None:
         candidates = _random_motions(
             record.marionette, record, duration, reach, ranges or {}, draws, seed

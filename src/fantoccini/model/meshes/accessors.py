@@ -9,7 +9,7 @@ import numpy as np
 from fantoccini.base import Array, Indices
 from fantoccini.model.meshes.limits import LIMITS
 
-_KINDS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
+_DTYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 
 
@@ -35,82 +35,87 @@ class Accessors:
     def __init__(self, header: dict[str, Any], buffers: list[bytes]):
         self.header, self.buffers = header, buffers
         self._floats: dict[int, Array] = {}
-        self._left = 6 * LIMITS.max_triangles  # elements of arrays that may still be cached
+        self._elements_left = (
+            6 * LIMITS.max_triangles
+        )  # elements of arrays that may still be cached
 
     def count(self, index: int) -> int:
         """Number of elements of an array, without reading it."""
-        return _count(self.header["accessors"][check_natural(index, "an accessor")])
+        return _element_count(self.header["accessors"][check_natural(index, "an accessor")])
 
     def numbers(self, index: int, *widths: int) -> Array:
         """(n, width) floats, in one of ``widths``. Normalised integers are 0 to 1 or -1 to 1."""
-        about = self.header["accessors"][check_natural(index, "an accessor")]
+        accessor = self.header["accessors"][check_natural(index, "an accessor")]
         if index not in self._floats:
-            self._left -= _count(about)
-            if self._left < 0:
+            self._elements_left -= _element_count(accessor)
+            if self._elements_left < 0:
                 raise ValueError("its accessors have too many elements in total")
-            raw = self._raw(about)
-            out = raw.astype(float)
-            if about.get("normalized") and raw.dtype.kind in "iu":
-                out = np.maximum(out / np.iinfo(raw.dtype).max, -1.0)
+            values = self._values(accessor)
+            out = values.astype(float)
+            if accessor.get("normalized") and values.dtype.kind in "iu":
+                out = np.maximum(out / np.iinfo(values.dtype).max, -1.0)
             out.setflags(write=False)
             self._floats[index] = out
         floats = self._floats[index]
         if floats.shape[1] not in widths:
             allowed = " or ".join(name for name, width in _WIDTHS.items() if width in widths)
-            text = f"its accessor {index} is {str(about['type'])[:9]}; allowed here: {allowed}"
+            text = f"its accessor {index} is {str(accessor['type'])[:9]}; allowed here: {allowed}"
             raise ValueError(text)
         return floats
 
     def whole_numbers(self, index: int) -> Indices:
         """(n,) whole numbers."""
-        raw = self._raw(self.header["accessors"][check_natural(index, "an accessor")])
-        if raw.dtype.kind != "u" or raw.shape[1] != 1:
+        values = self._values(self.header["accessors"][check_natural(index, "an accessor")])
+        if values.dtype.kind != "u" or values.shape[1] != 1:
             raise ValueError(f"its accessor {index} has no indices")
-        return raw[:, 0].astype(np.int64)
+        return values[:, 0].astype(np.int64)
 
     def view(self, index: int) -> tuple[bytes, int | None]:
         """The bytes of a view, and its stride, if it has one."""
-        about = self.header["bufferViews"][check_natural(index, "a view of a buffer")]
-        buffer = self.buffers[check_natural(about["buffer"], "a buffer")]
-        start = check_natural(about.get("byteOffset", 0), "an offset")
-        end = start + check_natural(about["byteLength"], "a length")
+        view_entry = self.header["bufferViews"][check_natural(index, "a view of a buffer")]
+        buffer = self.buffers[check_natural(view_entry["buffer"], "a buffer")]
+        start = check_natural(view_entry.get("byteOffset", 0), "an offset")
+        end = start + check_natural(view_entry["byteLength"], "a length")
         if end > len(buffer):
             raise ValueError(f"its bufferView {index} reaches beyond its buffer")
-        return buffer[start:end], about.get("byteStride")
+        return buffer[start:end], view_entry.get("byteStride")
 
-    def _raw(self, about: dict[str, Any]) -> np.ndarray:
+    def _values(self, accessor: dict[str, Any]) -> np.ndarray:
         """(n, width) numbers of the file's type."""
-        kind, width = np.dtype(_KINDS[about["componentType"]]), _WIDTHS[about["type"]]
-        count = _count(about)
-        if "bufferView" in about:
-            out = self._strided(about, kind, width, count)
+        kind, width = np.dtype(_DTYPES[accessor["componentType"]]), _WIDTHS[accessor["type"]]
+        count = _element_count(accessor)
+        if "bufferView" in accessor:
+            values = self._strided(accessor, kind, width, count)
         else:
-            out = np.zeros((count, width), dtype=kind)
-        if "sparse" in about:
-            sparse = about["sparse"]
+            values = np.zeros((count, width), dtype=kind)
+        if "sparse" in accessor:
+            sparse = accessor["sparse"]
             n = check_natural(sparse["count"], "the count of an accessor")
-            places = self._strided(sparse["indices"], None, 1, min(n, count))[:, 0]
-            out = out.copy()
-            out[places.astype(int)] = self._strided(sparse["values"], kind, width, len(places))
-        return out
+            indices = self._strided(sparse["indices"], None, 1, min(n, count))[:, 0]
+            values = values.copy()
+            values[indices.astype(int)] = self._strided(sparse["values"], kind, width, len(indices))
+        return values
 
     def _strided(
-        self, about: dict[str, Any], kind: np.dtype[Any] | None, width: int, count: int
+        self, source: dict[str, Any], kind: np.dtype[Any] | None, width: int, count: int
     ) -> np.ndarray:
-        kind = np.dtype(_KINDS[about["componentType"]]) if kind is None else kind
-        content, stride = self.view(about["bufferView"])
-        start, row = check_natural(about.get("byteOffset", 0), "an offset"), width * kind.itemsize
-        stride = row if stride is None else check_natural(stride, "a byteStride")
-        if count and (stride < row or start + (count - 1) * stride + row > len(content)):
-            raise ValueError(f"an accessor reaches beyond its bufferView {about['bufferView']}")
+        kind = np.dtype(_DTYPES[source["componentType"]]) if kind is None else kind
+        data, stride = self.view(source["bufferView"])
+        start, row_bytes = (
+            check_natural(source.get("byteOffset", 0), "an offset"),
+            width * kind.itemsize,
+        )
+        stride = row_bytes if stride is None else check_natural(stride, "a byteStride")
+        if count and (stride < row_bytes or start + (count - 1) * stride + row_bytes > len(data)):
+            raise ValueError(f"an accessor reaches beyond its bufferView {source['bufferView']}")
         if not count:
             return np.zeros((0, width), dtype=kind)
-        return np.ndarray((count, width), kind, content, start, (stride, kind.itemsize))
+        return np.ndarray((count, width), kind, data, start, (stride, kind.itemsize))
 
 
-def _count(about: dict[str, Any]) -> int:
+def _element_count(accessor: dict[str, Any]) -> int:
     """Number of elements of an accessor."""
-    count = check_natural(about["count"], "the count of an accessor")
+    count = check_natural(accessor["count"], "the count of an accessor")
     if count > 3 * LIMITS.max_triangles:
         raise ValueError(f"it has an accessor of {count} elements")
     return count

@@ -29,19 +29,19 @@ class Texture:
     pixels: np.ndarray
     repeats: tuple[bool, bool] = (True, True)
 
-    def over(self, uv: Array) -> Array:
+    def average_over(self, uv: Array) -> Array:
         """(m, 3) linear colours of triangles, from their uv (m, 3, 2), with v from the top."""
         height, width = self.pixels.shape[:2]
         total = np.zeros((len(uv), 3))
         points = _sample_points()
         for weights in points:
-            at = np.einsum("k,mkc->mc", weights, uv)
-            places = []
+            pixel_uv = np.einsum("k,mkc->mc", weights, uv)
+            pixel_indices = []
             for axis, size in enumerate((width, height)):
-                n = np.floor(np.nan_to_num(at[:, axis] * size, posinf=0.0, neginf=0.0))
-                wrapped = n % size if self.repeats[axis] else np.clip(n, 0, size - 1)
-                places.append(wrapped.astype(int))
-            total += linear(self.pixels[places[1], places[0]] / 255.0)
+                index = np.floor(np.nan_to_num(pixel_uv[:, axis] * size, posinf=0.0, neginf=0.0))
+                index_in_image = index % size if self.repeats[axis] else np.clip(index, 0, size - 1)
+                pixel_indices.append(index_in_image.astype(int))
+            total += linear(self.pixels[pixel_indices[1], pixel_indices[0]] / 255.0)
         return total / len(points)
 
 
@@ -54,10 +54,10 @@ def image(content: bytes, name: str) -> np.ndarray:
     from PIL import Image
 
     try:
-        with Image.open(io.BytesIO(content), formats=("PNG", "JPEG", "WEBP")) as opened:
-            width, height = opened.size
+        with Image.open(io.BytesIO(content), formats=("PNG", "JPEG", "WEBP")) as picture:
+            width, height = picture.size
             if width * height <= LIMITS.max_pixels:
-                return np.asarray(opened.convert("RGB"))
+                return np.asarray(picture.convert("RGB"))
     except Exception as reason:  # Pillow raises errors of many classes for broken images
         text = f"its image {name} is not a PNG, JPEG or WebP that can be read"
         raise ValueError(text) from reason
@@ -65,15 +65,15 @@ def image(content: bytes, name: str) -> np.ndarray:
     raise ValueError(f"its image {name} has {width} x {height} pixels; allowed: {allowed}")
 
 
-def linked_image(path: str, beside: LinkedFiles) -> np.ndarray | None:
+def linked_image(path: str, linked_files: LinkedFiles) -> np.ndarray | None:
     """The image at a path or, if it cannot be read, the one of that name in the mesh's folder.
 
     Paths are often those of the machine that wrote the file. None if neither can be read.
     """
-    names = [p.replace("\\", "/").removeprefix("./") for p in (unquote(path), path)]
-    for place in dict.fromkeys([*names, *map(posixpath.basename, names)]):
+    names = [path_text.replace("\\", "/").removeprefix("./") for path_text in (unquote(path), path)]
+    for name in dict.fromkeys([*names, *map(posixpath.basename, names)]):
         try:
-            return image(beside.read(quote(place)), repr(place[:40]))
+            return image(linked_files.read(quote(name)), repr(name[:40]))
         except ValueError:
             continue
     return None
@@ -87,28 +87,28 @@ def linear(colour: Array) -> Array:
 def srgb(colour: Array) -> Array:
     """Converts linear red, green and blue to sRGB."""
     colour = np.clip(np.nan_to_num(colour), 0.0, 1.0)
-    bent = 1.055 * colour ** (1.0 / 2.4) - 0.055
-    return np.where(colour <= 0.0031308, 12.92 * colour, bent)
+    gamma_encoded = 1.055 * colour ** (1.0 / 2.4) - 0.055
+    return np.where(colour <= 0.0031308, 12.92 * colour, gamma_encoded)
 
 
 def reduced(colours: Array) -> Array:
     """The sRGB colours (m, 3), reduced to ``LIMITS.max_colours`` by median cut; nan stays nan."""
     from PIL import Image
 
-    out = np.array(colours, dtype=float)
-    known = np.isfinite(out).all(axis=1)
-    if not known.any():
-        return out
-    exact = np.round(255.0 * np.clip(out[known], 0.0, 1.0)).astype(np.uint8)
-    if len(np.unique(exact, axis=0)) > LIMITS.max_colours:
-        row = Image.fromarray(exact[None, :, :])
-        merged = row.quantize(
+    reduced_colours = np.array(colours, dtype=float)
+    is_known = np.isfinite(reduced_colours).all(axis=1)
+    if not is_known.any():
+        return reduced_colours
+    bytes_ = np.round(255.0 * np.clip(reduced_colours[is_known], 0.0, 1.0)).astype(np.uint8)
+    if len(np.unique(bytes_, axis=0)) > LIMITS.max_colours:
+        image_row = Image.fromarray(bytes_[None, :, :])
+        quantised = image_row.quantize(
             LIMITS.max_colours, Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE
         )
-        exact = np.asarray(merged.convert("RGB"))[0]
-    out[known] = exact / 255.0
-    out[~known] = np.nan
-    return out
+        bytes_ = np.asarray(quantised.convert("RGB"))[0]
+    reduced_colours[is_known] = bytes_ / 255.0
+    reduced_colours[~is_known] = np.nan
+    return reduced_colours
 
 
 def _sample_points() -> Array:

@@ -41,7 +41,8 @@ class MeshFile:
         closed: whether the triangles bound a volume.
         colours: (m, 3) sRGB of faces, nan for no colour; None if no face has one.
         lost: properties of materials that are not kept: textures, transparency.
-        beside: names of existing files to which it refers, relative to its folder -> contents.
+        linked_contents: names of existing files to which it refers, relative to its folder ->
+            contents.
     """
 
     vertices: Array
@@ -49,7 +50,7 @@ class MeshFile:
     closed: bool
     colours: Array | None
     lost: frozenset[str]
-    beside: dict[str, bytes]
+    linked_contents: dict[str, bytes]
 
 
 _Key = tuple[str, bytes, Path]
@@ -70,23 +71,23 @@ def read(path: Path, root: Path) -> MeshFile:
         OSError: the file cannot be read.
         MissingLibraryError: it is a .dae file, and pycollada is not installed.
     """
-    content, ending = path.read_bytes(), path.suffix.lower()
-    key = ending, hashlib.sha256(content).digest(), path.parent
+    content, suffix = path.read_bytes(), path.suffix.lower()
+    key = suffix, hashlib.sha256(content).digest(), path.parent
     cached = _cache.get(key)
-    if cached is not None and _named(LinkedFiles(path, root), cached[0]) == cached[0]:
-        _remember(key, *cached)
+    if cached is not None and _current_contents(LinkedFiles(path, root), cached[0]) == cached[0]:
+        _cache_file(key, *cached)
         return cached[1]
-    beside = LinkedFiles(path, root)
-    parts = _parts(content, beside, path)
-    mesh, colours = _joined(parts)
-    existing = {name: c for name, c in beside.contents.items() if c is not None}
+    linked_files = LinkedFiles(path, root)
+    parts = _parts(content, linked_files, path)
+    mesh, colours = _merged(parts)
+    existing = {name: c for name, c in linked_files.contents.items() if c is not None}
     vertices, faces = np.array(mesh.vertices), np.array(mesh.faces)
-    closed = is_closed(faces)
-    if closed:
+    is_closed_ = is_closed(faces)
+    if is_closed_:
         faces = np.where(faces_to_reverse(mesh)[:, None], faces[:, ::-1], faces)
-    lost = frozenset[str]().union(*(part.lost for part in parts))
-    file = MeshFile(vertices, faces, closed, colours, lost, existing)
-    _remember(key, dict(beside.contents), file)
+    ignored = frozenset[str]().union(*(part.lost for part in parts))
+    file = MeshFile(vertices, faces, is_closed_, colours, ignored, existing)
+    _cache_file(key, dict(linked_files.contents), file)
     return file
 
 
@@ -96,14 +97,16 @@ def contents(path: Path, root: Path) -> dict[str, bytes]:
     Raises:
         ValueError, OSError, MissingLibraryError: :func:`read` raises them.
     """
-    beside = {} if path.suffix.lower() in _SELF_CONTAINED else read(path, root).beside
-    return {".": path.read_bytes(), **beside}
+    linked_contents = (
+        {} if path.suffix.lower() in _SELF_CONTAINED else read(path, root).linked_contents
+    )
+    return {".": path.read_bytes(), **linked_contents}
 
 
-def _remember(key: _Key, named: dict[str, bytes | None], file: MeshFile) -> None:
+def _cache_file(key: _Key, contents_by_name: dict[str, bytes | None], file: MeshFile) -> None:
     """Adds a file to the cache, and removes the oldest files while the cache is too large."""
     with _lock:
-        _cache[key] = named, file
+        _cache[key] = contents_by_name, file
         _cache.move_to_end(key)
         while len(_cache) > 1 and sum(_size(f) for _, f in _cache.values()) > LIMITS.max_triangles:
             _cache.popitem(last=False)
@@ -111,22 +114,24 @@ def _remember(key: _Key, named: dict[str, bytes | None], file: MeshFile) -> None
 
 def _size(file: MeshFile) -> int:
     """Memory of a file, in triangles of about 32 bytes."""
-    return len(file.faces) + sum(map(len, file.beside.values())) // 32 + 1000
+    return len(file.faces) + sum(map(len, file.linked_contents.values())) // 32 + 1000
 
 
-def _named(beside: LinkedFiles, names: dict[str, bytes | None]) -> dict[str, bytes | None]:
+def _current_contents(
+    linked_files: LinkedFiles, contents_by_name: dict[str, bytes | None]
+) -> dict[str, bytes | None]:
     """Present contents of files."""
-    return {name: beside.peek(name) for name in names}
+    return {name: linked_files.current(name) for name in contents_by_name}
 
 
-def _parts(content: bytes, beside: LinkedFiles, path: Path) -> list[Part]:
+def _parts(content: bytes, linked_files: LinkedFiles, path: Path) -> list[Part]:
     try:
         if path.suffix.lower() in (".glb", ".gltf"):
-            return read_gltf(content, beside)
+            return read_gltf(content, linked_files)
         if path.suffix.lower() == ".dae":
-            return read_collada(content, beside, path.name)
+            return read_collada(content, linked_files, path.name)
         if path.suffix.lower() == ".obj":
-            return read_obj(content, beside)
+            return read_obj(content, linked_files)
         return read_stl(content) if path.suffix.lower() == ".stl" else read_ply(content)
     except MissingLibraryError:
         raise
@@ -140,30 +145,32 @@ def _parts(content: bytes, beside: LinkedFiles, path: Path) -> list[Part]:
         raise ValueError(f"it is broken: {type(reason).__name__}: {str(reason)[:60]}") from reason
 
 
-def _joined(parts: list[Part]) -> tuple[Any, Array | None]:
+def _merged(parts: list[Part]) -> tuple[Any, Array | None]:
     """All parts as a ``trimesh.Trimesh`` with distinct positions, and the colours of its faces."""
     import trimesh
 
     parts = [part for part in parts if len(part.faces)]
     if not parts or not all(np.isfinite(part.vertices[part.faces]).all() for part in parts):
         raise ValueError(_NO_TRIANGLES)
-    largest = max(float(np.abs(part.vertices[part.faces]).max()) for part in parts)
-    if largest > LIMITS.max_coordinate:
+    max_coordinate = max(float(np.abs(part.vertices[part.faces]).max()) for part in parts)
+    if max_coordinate > LIMITS.max_coordinate:
         allowed = f"up to {LIMITS.max_coordinate:g}"
-        raise ValueError(f"it has a corner at {largest:g}; allowed: {allowed}")
+        raise ValueError(f"it has a corner at {max_coordinate:g}; allowed: {allowed}")
     starts = np.cumsum([0, *(len(part.vertices) for part in parts)])[:-1]
     faces = np.concatenate([p.faces + at for p, at in zip(parts, starts, strict=True)])
     mesh = trimesh.Trimesh(np.concatenate([p.vertices for p in parts]), faces, process=False)
     mesh.merge_vertices()
     colours = None
     if any(part.colours is not None for part in parts):
-        no_colour = (np.full((len(p.faces), 3), np.nan) for p in parts)
-        own = (n if p.colours is None else p.colours for p, n in zip(parts, no_colour, strict=True))
-        colours = reduced(np.concatenate(list(own)))
+        blank_colours = (np.full((len(p.faces), 3), np.nan) for p in parts)
+        part_colours = (
+            n if p.colours is None else p.colours for p, n in zip(parts, blank_colours, strict=True)
+        )
+        colours = reduced(np.concatenate(list(part_colours)))
     faces = np.array(mesh.faces)
     # A triangle with two corners at one place has no area.
-    proper = np.all(faces != np.roll(faces, 1, axis=1), axis=1)
-    if not proper.any():
+    has_area = np.all(faces != np.roll(faces, 1, axis=1), axis=1)
+    if not has_area.any():
         raise ValueError(_NO_TRIANGLES)
-    mesh.update_faces(proper)
-    return mesh, None if colours is None else colours[proper]
+    mesh.update_faces(has_area)
+    return mesh, None if colours is None else colours[has_area]

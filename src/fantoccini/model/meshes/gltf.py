@@ -19,7 +19,7 @@ from fantoccini.model.meshes.accessors import Accessors, check_natural
 from fantoccini.model.meshes.colours import Texture, image, srgb
 from fantoccini.model.meshes.limits import LIMITS
 from fantoccini.model.meshes.linked_files import LinkedFiles
-from fantoccini.model.meshes.part import Y_UP, Count, Part, ignored_properties
+from fantoccini.model.meshes.part import Y_UP, Part, TriangleCount, ignored_properties
 
 _SUPPORTED = (
     "KHR_materials_",
@@ -35,12 +35,12 @@ _CLAMP_TO_EDGE = 33071
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 
 
-def read_gltf(content: bytes, beside: LinkedFiles) -> list[Part]:
+def read_gltf(content: bytes, linked_files: LinkedFiles) -> list[Part]:
     """The parts of a file, z up [m].
 
     Args:
         content: content of the .glb or .gltf file.
-        beside: reader of the files to which it refers.
+        linked_files: reader of the files to which it refers.
 
     Raises:
         ValueError: the file is broken, refers to a file that may not be read, or requires an
@@ -53,12 +53,12 @@ def read_gltf(content: bytes, beside: LinkedFiles) -> list[Part]:
     version = str(header.get("asset", {}).get("version"))
     if not version.startswith("2."):
         raise ValueError(f"it is glTF {version[:20]}; allowed: 2.0")
-    needed = header.get("extensionsRequired", [])
-    unknown = sorted(name for name in needed if not name.startswith(_SUPPORTED))
+    required = header.get("extensionsRequired", [])
+    unknown = sorted(name for name in required if not name.startswith(_SUPPORTED))
     if unknown:
         reason = f"it needs the extensions {', '.join(unknown)[:99]}"
         raise ValueError(f"{reason}; export it without them, for example without compression")
-    return _Reader(header, chunk, beside).parts()
+    return _Reader(header, chunk, linked_files).parts()
 
 
 def _json_and_chunk(content: bytes) -> tuple[bytes, bytes | None]:
@@ -87,39 +87,39 @@ class _Reader:
     Args:
         header: JSON of the file.
         chunk: binary chunk of a .glb file.
-        beside: reader of the files to which it refers.
+        linked_files: reader of the files to which it refers.
     """
 
-    def __init__(self, header: dict[str, Any], chunk: bytes | None, beside: LinkedFiles):
-        self.header, self.chunk, self.beside = header, chunk, beside
+    def __init__(self, header: dict[str, Any], chunk: bytes | None, linked_files: LinkedFiles):
+        self.header, self.chunk, self.linked_files = header, chunk, linked_files
         buffers = [self._buffer(k, b) for k, b in enumerate(header.get("buffers", []))]
         self.accessors = Accessors(header, buffers)
         self._images: dict[int, np.ndarray] = {}
         self._meshes: dict[int, list[_Primitive]] = {}
-        self._count = Count()
+        self._count = TriangleCount()
 
     def parts(self) -> list[Part]:
         """The parts of all nodes of the scene."""
         to_z_up = np.eye(4)
         to_z_up[:3, :3] = Y_UP
-        nodes, seen = self.header.get("nodes", []), set[int]()
+        nodes, visited = self.header.get("nodes", []), set[int]()
         parts: list[Part] = []
-        waiting = [(k, to_z_up) for k in reversed(self._roots(nodes))]
-        while waiting:
-            k, parent_matrix = waiting.pop()
-            if check_natural(k, "a node") in seen:
+        pending = [(k, to_z_up) for k in reversed(self._root_nodes(nodes))]
+        while pending:
+            k, parent_matrix = pending.pop()
+            if check_natural(k, "a node") in visited:
                 raise ValueError(f"its node {k} has two parents")
-            if len(seen) > LIMITS.max_nodes:
+            if len(visited) > LIMITS.max_nodes:
                 raise ValueError(f"it has more than {LIMITS.max_nodes} nodes")
-            seen.add(k)
+            visited.add(k)
             matrix = parent_matrix @ _pose(nodes[k])
-            waiting += [(child, matrix) for child in reversed(nodes[k].get("children", []))]
+            pending += [(child, matrix) for child in reversed(nodes[k].get("children", []))]
             if "mesh" in nodes[k]:
-                for primitive in self._mesh(check_natural(nodes[k]["mesh"], "a mesh")):
-                    parts.append(Part.placed(matrix, *primitive))
+                for primitive in self._primitives_of(check_natural(nodes[k]["mesh"], "a mesh")):
+                    parts.append(Part.transformed_by(matrix, *primitive))
         return parts
 
-    def _roots(self, nodes: list[Any]) -> list[int]:
+    def _root_nodes(self, nodes: list[Any]) -> list[int]:
         scenes = self.header.get("scenes", [])
         if scenes:
             return list(
@@ -128,7 +128,7 @@ class _Reader:
         children = {child for node in nodes for child in node.get("children", [])}
         return [k for k in range(len(nodes)) if k not in children]
 
-    def _mesh(self, index: int) -> list[_Primitive]:
+    def _primitives_of(self, index: int) -> list[_Primitive]:
         """The triangle primitives of a mesh; counts their triangles."""
         primitives = [
             p
@@ -155,16 +155,23 @@ class _Reader:
         if len(faces) and int(faces.max()) >= len(vertices):
             raise ValueError("a triangle has a corner that does not exist")
         colours = self._colours(primitive, attributes, faces)
-        used, new_indices = np.unique(faces, return_inverse=True)  # primitives may share vertices
-        return vertices[used], new_indices.reshape(-1, 3), colours, self._ignored(primitive)
+        used_vertices, new_indices = np.unique(
+            faces, return_inverse=True
+        )  # primitives may share vertices
+        return (
+            vertices[used_vertices],
+            new_indices.reshape(-1, 3),
+            colours,
+            self._ignored(primitive),
+        )
 
     def _ignored(self, primitive: dict[str, Any]) -> frozenset[str]:
         """The properties of a primitive's material that are ignored."""
         if "material" not in primitive:
             return frozenset()
         material = self.header["materials"][check_natural(primitive["material"], "a material")]
-        textured = "baseColorTexture" in material.get("pbrMetallicRoughness", {})
-        return ignored_properties(textured, material.get("alphaMode", "OPAQUE") != "OPAQUE")
+        is_textured = "baseColorTexture" in material.get("pbrMetallicRoughness", {})
+        return ignored_properties(is_textured, material.get("alphaMode", "OPAQUE") != "OPAQUE")
 
     def _colours(
         self, primitive: dict[str, Any], attributes: dict[str, Any], faces: Indices
@@ -202,13 +209,13 @@ class _Reader:
         if "sampler" in texture:
             sampler = self.header["samplers"][check_natural(texture["sampler"], "a sampler")]
         repeats = sampler.get("wrapS") != _CLAMP_TO_EDGE, sampler.get("wrapT") != _CLAMP_TO_EDGE
-        return Texture(self._image(source), repeats).over(uv[faces])
+        return Texture(self._image(source), repeats).average_over(uv[faces])
 
     def _image(self, index: int) -> np.ndarray:
         if index not in self._images:
             entry = self.header["images"][index]
             if "uri" in entry:
-                content = self._linked(entry["uri"])
+                content = self._uri_content(entry["uri"])
             else:
                 content = self.accessors.view(entry["bufferView"])[0]
             name = entry.get("name") or str(entry.get("uri", index))[:40]
@@ -217,7 +224,7 @@ class _Reader:
 
     def _buffer(self, index: int, entry: dict[str, Any]) -> bytes:
         if "uri" in entry:
-            content = self._linked(entry["uri"])
+            content = self._uri_content(entry["uri"])
         elif index == 0 and self.chunk is not None:
             content = self.chunk
         else:
@@ -228,10 +235,10 @@ class _Reader:
             raise ValueError(text)
         return content[:length]
 
-    def _linked(self, uri: str) -> bytes:
+    def _uri_content(self, uri: str) -> bytes:
         """The content of a data URI, or of a file in this one's folder."""
         if not uri.startswith("data:"):
-            return self.beside.read(uri)
+            return self.linked_files.read(uri)
         kind, comma, text = uri.partition(",")
         if not comma or not kind.endswith(";base64"):
             raise ValueError("it has a data URI that is not base64")

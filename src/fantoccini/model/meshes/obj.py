@@ -16,7 +16,7 @@ from fantoccini.base import Array, decoded, lines_of
 from fantoccini.model.meshes.colours import Texture, linked_image, srgb
 from fantoccini.model.meshes.limits import LIMITS
 from fantoccini.model.meshes.linked_files import LinkedFiles
-from fantoccini.model.meshes.part import Count, Part, ignored_properties
+from fantoccini.model.meshes.part import Part, TriangleCount, ignored_properties
 
 _MIN_VALUES = {"v": 3, "vt": 1}
 """Keyword -> minimum number of values after it."""
@@ -88,13 +88,13 @@ class _Reader:
         self.vertices, self.vertex_colours, self.textures = array("d"), array("d"), array("d")
         self.faces: dict[str, _Faces] = {}
         self.materials: dict[str, _Material] = {}
-        self._material, self._count = "", Count()
+        self._material, self._count = "", TriangleCount()
         self._libraries = set[str]()
         self._largest_index = (0, 0)  # the largest index of a vertex, and its line
 
     def read(self, text: str) -> None:
         """Reads a text."""
-        for self.line, words, line in _statements(text):
+        for self.line, words, line in _lines_with_words(text):
             key = words[0]
             if key == "f" and "-" not in line and "/0" not in line and self._plain_face(words):
                 continue
@@ -110,10 +110,10 @@ class _Reader:
                 case "usemtl":
                     self._material = " ".join(words[1:])
                 case "mtllib":
-                    self._library(_rest(line, words))
+                    self._library(_text_after_keyword(line, words))
         largest, self.line = self._largest_index
         if 3 * largest > len(self.vertices):
-            self._fail(f"names vertex {largest}; the file has {len(self.vertices) // 3}")
+            self._raise_at_line(f"names vertex {largest}; the file has {len(self.vertices) // 3}")
 
     def parts(self) -> Iterator[Part]:
         """The triangles of each material."""
@@ -123,27 +123,27 @@ class _Reader:
             vertex_colours /= 255.0
         for name, faces in self.faces.items():
             corners = np.array(faces.vertices, dtype=int).reshape(-1, 3)
-            used, renamed = np.unique(corners, return_inverse=True)
+            used_vertices, new_indices = np.unique(corners, return_inverse=True)
             material = self.materials.get(name)
             colours = None if material is None else self._colours(material, faces)
-            if material is None and np.isfinite(vertex_colours[used]).all():
+            if material is None and np.isfinite(vertex_colours[used_vertices]).all():
                 colours = np.clip(vertex_colours[corners].mean(axis=1), 0.0, 1.0)
-            missing = ignored_properties(False, False)
+            ignored = ignored_properties(False, False)
             if material is not None:
-                missing = ignored_properties(bool(material.image), material.transparent)
-            yield Part(vertices[used], renamed.reshape(-1, 3), colours, missing)
+                ignored = ignored_properties(bool(material.image), material.transparent)
+            yield Part(vertices[used_vertices], new_indices.reshape(-1, 3), colours, ignored)
 
     def _colours(self, material: _Material, faces: _Faces) -> Array | None:
         """sRGB of triangles, from the image or the diffuse colour; None if there is no colour."""
         corners = np.array(faces.textures, dtype=int).reshape(-1, 3)
-        textured = np.all((corners >= 0) & (2 * corners < len(self.textures)), axis=1)
+        is_textured = np.all((corners >= 0) & (2 * corners < len(self.textures)), axis=1)
         colours: Array = np.full((len(corners), 3), np.nan)
         if len(material.diffuse) == 3:
             colours[:] = np.clip(material.diffuse, 0.0, 1.0)
         pixels = linked_image(material.image, self.linked_files) if material.image else None
-        if pixels is not None and textured.any():
-            uv = np.array(self.textures).reshape(-1, 2)[corners[textured]]
-            colours[textured] = srgb(Texture(pixels).over(uv * [1.0, -1.0] + [0.0, 1.0]))
+        if pixels is not None and is_textured.any():
+            uv = np.array(self.textures).reshape(-1, 2)[corners[is_textured]]
+            colours[is_textured] = srgb(Texture(pixels).average_over(uv * [1.0, -1.0] + [0.0, 1.0]))
         return colours if np.isfinite(colours).any() else None
 
     def _numbers(self, words: list[str]) -> list[float]:
@@ -154,7 +154,7 @@ class _Reader:
         minimum = _MIN_VALUES[words[0].lower()]
         if len(numbers) < minimum:
             needed = f"{minimum} number{'s' if minimum > 1 else ''} with decimal points"
-            self._fail(f"found {' '.join(words)[:60]!r}; needed: {needed}")
+            self._raise_at_line(f"found {' '.join(words)[:60]!r}; needed: {needed}")
         return numbers
 
     def _plain_face(self, words: list[str]) -> bool:
@@ -188,10 +188,15 @@ class _Reader:
         except ValueError:
             indices = [[None]]
         if any(vertex is None for vertex, *_ in indices):
-            self._fail(f"found {' '.join(corners)[:60]!r}; needed: vertices such as 1, -1 or 1/2/3")
+            self._raise_at_line(
+                f"found {' '.join(corners)[:60]!r}; needed: vertices such as 1, -1 or 1/2/3"
+            )
         n_vertices, n_textures = len(self.vertices) // 3, len(self.textures) // 2
         vertices = [self._index(vertex, n_vertices) for vertex, *_ in indices]
-        textures = [self._index(more[0], n_textures) if more else -1 for _, *more in indices]
+        textures = [
+            self._index(texture_indices[0], n_textures) if texture_indices else -1
+            for _, *texture_indices in indices
+        ]
         if len(corners) < 3:
             return  # it has no area
         self._count.add(len(corners) - 2)
@@ -208,13 +213,13 @@ class _Reader:
         index = number - 1 if number > 0 else count + number
         if number == 0 or not 0 <= index < LIMITS.max_bytes:
             allowed = f"1 and more, or {-count} to -1" if count else "1 and more"
-            self._fail(f"found the index {number}; allowed here: {allowed}")
+            self._raise_at_line(f"found the index {number}; allowed here: {allowed}")
         return index
 
-    def _library(self, rest: str) -> None:
+    def _library(self, names: str) -> None:
         """Reads one material file, whose name may contain spaces, or several."""
-        if not self._add_library(rest):
-            for name in rest.split():
+        if not self._add_library(names):
+            for name in names.split():
                 self._add_library(name)
 
     def _add_library(self, uri: str) -> bool:
@@ -232,7 +237,7 @@ class _Reader:
             return True
         return False
 
-    def _fail(self, text: str) -> NoReturn:
+    def _raise_at_line(self, text: str) -> NoReturn:
         raise ValueError(f"line {self.line}: {text}")
 
 
@@ -240,15 +245,15 @@ def _materials(text: str) -> dict[str, _Material]:
     """Name -> material of a material file."""
     materials: dict[str, _Material] = {}
     material = _Material()
-    for _, words, line in _statements(text):
-        rest = _rest(line, words)
+    for _, words, line in _lines_with_words(text):
+        value = _text_after_keyword(line, words)
         match words[0].lower():
             case "newmtl":
                 material = materials[" ".join(words[1:])] = _Material()
             case "kd":
                 material.diffuse = _colour(words[1:])
-            case "map_kd" if rest:
-                material.image = _image_name(rest)
+            case "map_kd" if value:
+                material.image = _image_name(value)
             case "d":
                 material.transparent |= _last_number(words, 1.0) != 1.0
             case "tr":
@@ -258,12 +263,12 @@ def _materials(text: str) -> dict[str, _Material]:
     return materials
 
 
-def _statements(text: str) -> Iterator[tuple[int, list[str], str]]:
+def _lines_with_words(text: str) -> Iterator[tuple[int, list[str], str]]:
     """Number, words and text, without comments, of each line that has words.
 
     A line that ends in a backslash is continued by the next one.
     """
-    before, number = "", 0
+    continued, number = "", 0
     for number, line in enumerate(lines_of(text.replace("\ufeff", "")), 1):
         if "#" in line:
             words = line.split(maxsplit=1)
@@ -271,35 +276,35 @@ def _statements(text: str) -> Iterator[tuple[int, list[str], str]]:
             line = comment.split(line, maxsplit=1)[0]
         # The second byte of a character, read as Latin-1, may look like a backslash.
         if line.endswith("\\") and not (len(line) > 1 and line[-2] > "\x7f"):
-            before += line[:-1]
+            continued += line[:-1]
             continue
-        line, before = before + line, ""
+        line, continued = continued + line, ""
         if words := line.split():
             yield number, words, line
-    if words := before.split():
-        yield number, words, before
+    if words := continued.split():
+        yield number, words, continued
 
 
-def _rest(line: str, words: list[str]) -> str:
+def _text_after_keyword(line: str, words: list[str]) -> str:
     """The rest of a line after its first word."""
     return line.strip()[len(words[0]) :].strip()
 
 
-def _image_name(rest: str) -> str:
+def _image_name(text: str) -> str:
     """Name of an image, which may contain spaces, behind its options such as ``-s 2 2 1``."""
-    while (option := rest.split(maxsplit=1)) and option[0].lower() in _OPTIONS:
-        fewest, largest = _OPTIONS[option[0].lower()]
+    while (option := text.split(maxsplit=1)) and option[0].lower() in _OPTIONS:
+        n_min, n_max = _OPTIONS[option[0].lower()]
         if len(option) < 2:
             return ""
-        rest = option[1]
-        for k in range(largest):
-            value, *after = rest.split(maxsplit=1)
-            if not after or (k >= fewest and not _is_number(value)):
+        text = option[1]
+        for k in range(n_max):
+            value, *tail = text.split(maxsplit=1)
+            if not tail or (k >= n_min and not _is_number(value)):
                 break
-            rest = after[0]
-    if rest.startswith("-"):  # an unknown option
-        rest = rest.split()[-1]
-    return rest.strip('"')
+            text = tail[0]
+    if text.startswith("-"):  # an unknown option
+        text = text.split()[-1]
+    return text.strip('"')
 
 
 def _is_number(word: str) -> bool:

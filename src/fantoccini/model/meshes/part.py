@@ -39,7 +39,7 @@ class Part:
     lost: frozenset[str] = frozenset()
 
     @classmethod
-    def placed(
+    def transformed_by(
         cls,
         matrix: Array,
         vertices: Array,
@@ -48,12 +48,12 @@ class Part:
         lost: frozenset[str],
     ) -> Part:
         """A part transformed by a matrix (4, 4), which may mirror it."""
-        moved = vertices @ matrix[:3, :3].T + matrix[:3, 3]
-        mirrored = np.linalg.det(matrix[:3, :3]) < 0.0
-        return cls(moved, faces[:, ::-1] if mirrored else faces, colours, lost)
+        transformed = vertices @ matrix[:3, :3].T + matrix[:3, 3]
+        is_mirrored = np.linalg.det(matrix[:3, :3]) < 0.0
+        return cls(transformed, faces[:, ::-1] if is_mirrored else faces, colours, lost)
 
 
-class Count:
+class TriangleCount:
     """Counts triangles while parts are read."""
 
     def __init__(self) -> None:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from fantoccini.base import Array, decoded
-from fantoccini.model.meshes.part import Count, Part, ignored_properties
+from fantoccini.model.meshes.part import Part, TriangleCount, ignored_properties
 
 _HEADER_BYTES = 84
 """Size of a binary STL's header; its last four bytes are the number of triangles."""
@@ -29,21 +29,21 @@ def read_stl(content: bytes) -> list[Part]:
     Raises:
         ValueError: the file is not a mesh.
     """
-    head = content[:_HEADER_BYTES]
-    (count,) = struct.unpack("<I", head[80:]) if len(head) == _HEADER_BYTES else (0,)
+    header = content[:_HEADER_BYTES]
+    (count,) = struct.unpack("<I", header[80:]) if len(header) == _HEADER_BYTES else (0,)
     if _HEADER_BYTES + count * _TRIANGLE.itemsize <= len(content) and count:
-        Count().add(count)
+        TriangleCount().add(count)
         corners = np.frombuffer(content, _TRIANGLE, count, _HEADER_BYTES)["corners"]
         return [_from_corners(corners.reshape(-1, 3))]
     text = decoded(content)
-    loops = len(_LOOP.findall(text))
-    if not loops and b"\0" in content:
+    n_loops = len(_LOOP.findall(text))
+    if not n_loops and b"\0" in content:
         capacity = max(len(content) - _HEADER_BYTES, 0) // _TRIANGLE.itemsize
         raise ValueError(f"its header counts {count} triangles; the file has room for {capacity}")
-    Count().add(loops)
+    TriangleCount().add(n_loops)
     facets = _FACET.findall(text)
-    if len(facets) < loops:
-        raise ValueError(_first_broken(text))
+    if len(facets) < n_loops:
+        raise ValueError(_first_broken_facet(text))
     try:
         return [_from_corners(np.array(facets, dtype=float).reshape(-1, 3))]
     except ValueError as reason:
@@ -51,7 +51,7 @@ def read_stl(content: bytes) -> list[Part]:
         raise ValueError(text) from None
 
 
-def _first_broken(text: str) -> str:
+def _first_broken_facet(text: str) -> str:
     """Error message for the first facet that does not have three vertices."""
     for begin in _LOOP.finditer(text):
         if not _FACET.match(text, begin.end() - len("loop")):
@@ -78,7 +78,7 @@ def read_ply(content: bytes) -> list[Part]:
     except Exception as reason:  # trimesh raises errors of many classes for broken files
         raise ValueError(f"trimesh reports {type(reason).__name__}") from reason
     meshes = loaded.dump() if isinstance(loaded, trimesh.Scene) else [loaded]
-    count, parts = Count(), []
+    count, parts = TriangleCount(), []
     for mesh in meshes:
         if isinstance(mesh, trimesh.Trimesh):
             count.add(len(mesh.faces))

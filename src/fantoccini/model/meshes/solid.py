@@ -30,12 +30,14 @@ def pieces(mesh: Any) -> list[Any]:
     shells = _Shells.of(mesh)
     if len(shells.volumes) == 1:
         return [mesh]
-    owner = np.arange(len(shells.volumes))
+    owner_of_shell = np.arange(len(shells.volumes))
     for k in np.flatnonzero(shells.volumes <= 0.0):
-        outer = shells.containing(int(k), shells.volumes > 0.0)
-        owner[k] = outer[np.argmin(shells.volumes[outer])] if len(outer) else -1
-    piece = owner[shells.label]
-    return [shells.submesh(np.flatnonzero(piece == k)) for k in np.unique(owner) if k >= 0]
+        enclosing = shells.containing(int(k), shells.volumes > 0.0)
+        owner_of_shell[k] = (
+            enclosing[np.argmin(shells.volumes[enclosing])] if len(enclosing) else -1
+        )
+    piece = owner_of_shell[shells.label]
+    return [shells.submesh(np.flatnonzero(piece == k)) for k in np.unique(owner_of_shell) if k >= 0]
 
 
 def faces_to_reverse(mesh: Any) -> Mask:
@@ -49,12 +51,12 @@ def faces_to_reverse(mesh: Any) -> Mask:
     shells = _Shells.of(mesh)
     if len(shells.volumes) > LIMITS.max_pieces:
         raise ValueError(f"it has more than {LIMITS.max_pieces} closed pieces")
-    inverted = float(shells.volumes.sum()) < 0.0
-    volumes = -shells.volumes if inverted else shells.volumes
-    turned = np.full(len(volumes), inverted)
+    is_inverted = float(shells.volumes.sum()) < 0.0
+    volumes = -shells.volumes if is_inverted else shells.volumes
+    is_reversed = np.full(len(volumes), is_inverted)
     for k in np.flatnonzero(volumes < 0.0):
-        turned[k] ^= len(shells.containing(int(k), volumes > 0.0)) == 0
-    return np.asarray(turned[shells.label])
+        is_reversed[k] ^= len(shells.containing(int(k), volumes > 0.0)) == 0
+    return np.asarray(is_reversed[shells.label])
 
 
 def inside(mesh: Any, points: Array) -> Mask:
@@ -64,7 +66,7 @@ def inside(mesh: Any, points: Array) -> Mask:
 
     (Van Oosterom, Strackee, IEEE Trans. Biomed. Eng. 30, 1983).
     """
-    return np.array([_winding(mesh.triangles - x) > 0.5 for x in points], dtype=bool)
+    return np.array([_winding_number(mesh.triangles - x) > 0.5 for x in points], dtype=bool)
 
 
 @dataclass(eq=False)
@@ -75,42 +77,44 @@ class _Shells:
         mesh: whole mesh.
         label: (m,) index of the part of each face.
         volumes: (k,) volumes of the parts; negative if the faces point inwards.
-        low, high: (k, 3) corners of the boxes around the parts.
-        tested: number of tests of a point against a face.
+        lower, upper: (k, 3) corners of the boxes around the parts.
+        n_tested: number of tests of a point against a face.
     """
 
     mesh: Any
     label: Indices
     volumes: Array
-    low: Array
-    high: Array
-    tested: int = 0
+    lower: Array
+    upper: Array
+    n_tested: int = 0
 
     @classmethod
     def of(cls, mesh: Any) -> _Shells:
         """The shells of a closed mesh."""
-        label = _labels(mesh)
+        label = _component_of_face(mesh)
         count = int(label.max()) + 1
         a, b, c = np.moveaxis(np.array(mesh.triangles) - mesh.vertices[0], 1, 0)
-        parts = np.einsum("ij,ij->i", a, np.cross(b, c)) / 6.0
-        low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
+        signed_volumes = np.einsum("ij,ij->i", a, np.cross(b, c)) / 6.0
+        lower, upper = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
         for corner in (a, b, c):
-            np.minimum.at(low, label, corner)
-            np.maximum.at(high, label, corner)
-        return cls(mesh, label, np.bincount(label, parts).astype(float), low, high)
+            np.minimum.at(lower, label, corner)
+            np.maximum.at(upper, label, corner)
+        return cls(mesh, label, np.bincount(label, signed_volumes).astype(float), lower, upper)
 
-    def containing(self, k: int, among: Mask) -> Indices:
-        """Indices of the shells flagged in ``among`` that contain shell ``k``."""
-        boxes = among & np.all((self.low <= self.low[k]) & (self.high >= self.high[k]), axis=1)
-        boxes[k] = False
+    def containing(self, k: int, is_candidate: Mask) -> Indices:
+        """Indices of the shells flagged in ``is_candidate`` that contain shell ``k``."""
+        candidates = is_candidate & np.all(
+            (self.lower <= self.lower[k]) & (self.upper >= self.upper[k]), axis=1
+        )
+        candidates[k] = False
         enclosing = []
         point = self.mesh.triangles[np.argmax(self.label == k), 0]
-        for i in np.flatnonzero(boxes):
-            outer = self.mesh.triangles[self.label == i]
-            self.tested += len(outer)
-            if self.tested > LIMITS.max_tested:
+        for i in np.flatnonzero(candidates):
+            shell_triangles = self.mesh.triangles[self.label == i]
+            self.n_tested += len(shell_triangles)
+            if self.n_tested > LIMITS.max_tested:
                 raise ValueError("it has too many pieces inside one another")
-            if abs(_winding(outer - point)) > 0.5:
+            if abs(_winding_number(shell_triangles - point)) > 0.5:
                 enclosing.append(i)
         return np.array(enclosing, dtype=int)
 
@@ -118,11 +122,13 @@ class _Shells:
         """The given faces as a mesh."""
         import trimesh
 
-        used, renamed = np.unique(self.mesh.faces[faces], return_inverse=True)
-        return trimesh.Trimesh(self.mesh.vertices[used], renamed.reshape(-1, 3), process=False)
+        used_vertices, new_indices = np.unique(self.mesh.faces[faces], return_inverse=True)
+        return trimesh.Trimesh(
+            self.mesh.vertices[used_vertices], new_indices.reshape(-1, 3), process=False
+        )
 
 
-def _winding(triangles: NDArray[np.float64]) -> float:
+def _winding_number(triangles: NDArray[np.float64]) -> float:
     """Winding number of triangles (n, 3, 3) around the origin."""
     a, b, c = np.moveaxis(triangles, 1, 0)
     la, lb, lc = (np.linalg.norm(x, axis=1) for x in (a, b, c))
@@ -139,7 +145,7 @@ def _edges(faces: Indices) -> tuple[Indices, NDArray[np.float64], Indices]:
     return key, np.sign(end - start).astype(float), np.repeat(np.arange(len(faces)), 3)
 
 
-def _labels(mesh: Any) -> Indices:
+def _component_of_face(mesh: Any) -> Indices:
     """(m,) connected part of each face of a closed mesh."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
@@ -147,15 +153,18 @@ def _labels(mesh: Any) -> Indices:
     key, direction, face = _edges(mesh.faces)
     order = np.argsort(2 * key + (direction > 0.0), kind="stable")
     order = order[direction[order] != 0.0]
-    begins = np.flatnonzero(np.diff(key[order], prepend=-1))
-    counts = np.diff(np.append(begins, len(order)))
-    simple = begins[counts == 2]
-    first, second = face[order[simple]], face[order[simple + 1]]
+    edge_starts = np.flatnonzero(np.diff(key[order], prepend=-1))
+    counts = np.diff(np.append(edge_starts, len(order)))
+    with_two_faces = edge_starts[counts == 2]
+    first, second = face[order[with_two_faces]], face[order[with_two_faces + 1]]
     shared_edges = [
         pair
-        for at, n in zip(begins[counts > 2], counts[counts > 2], strict=True)
+        for start, n in zip(edge_starts[counts > 2], counts[counts > 2], strict=True)
         for pair in _pairs(
-            mesh, key[order[at]], face[order[at : at + n]], direction[order[at : at + n]]
+            mesh,
+            key[order[start]],
+            face[order[start : start + n]],
+            direction[order[start : start + n]],
         )
     ]
     if shared_edges:
@@ -175,18 +184,20 @@ def _pairs(
     A face that runs up the edge has its inside on the side of smaller angles, seen with the edge
     pointing to the eye: its partner is the next one that runs down.
     """
-    ends = divmod(int(key), int(mesh.faces.max()) + 1)
-    a, b = mesh.vertices[list(ends)]
+    end_vertices = divmod(int(key), int(mesh.faces.max()) + 1)
+    a, b = mesh.vertices[list(end_vertices)]
     axis = (b - a) / np.linalg.norm(b - a)
-    third = mesh.vertices[[next(v for v in f if v not in ends) for f in mesh.faces[faces].tolist()]]
-    offset = third - a - np.outer((third - a) @ axis, axis)
+    opposite_vertices = mesh.vertices[
+        [next(v for v in f if v not in end_vertices) for f in mesh.faces[faces].tolist()]
+    ]
+    offset = opposite_vertices - a - np.outer((opposite_vertices - a) @ axis, axis)
     x = offset[np.argmax(np.linalg.norm(offset, axis=1))]
     angle = np.arctan2(offset @ np.cross(axis, x), offset @ x)
-    down, pairs = np.flatnonzero(direction < 0.0).tolist(), []
-    for up in np.flatnonzero(direction > 0.0):
+    backward, pairs = np.flatnonzero(direction < 0.0).tolist(), []
+    for forward in np.flatnonzero(direction > 0.0):
         # Coincident faces enclose no volume: they are paired last.
-        gap = np.mod(angle[up] - angle[down], 2.0 * np.pi)
+        gap = np.mod(angle[forward] - angle[backward], 2.0 * np.pi)
         gap = np.where(gap < 1e-7, 2.0 * np.pi, gap)
-        best = down.pop(int(np.argmin(gap)))
-        pairs.append((int(faces[up]), int(faces[best])))
+        partner = backward.pop(int(np.argmin(gap)))
+        pairs.append((int(faces[forward]), int(faces[partner])))
     return pairs

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from fantoccini.base import FileError, UnknownNameError, nearest
+from fantoccini.base import FileError, UnknownNameError, did_you_mean
 from fantoccini.base.documents import Located, shown
 
 _FOLDER = Path(__file__).parents[1] / "puppets"
@@ -72,12 +72,12 @@ def named_file(name: str, located: Located) -> Path:
     Raises:
         FileError: there is no file and no bundled puppet or scene of this name.
     """
-    known = (*names(), *scenes())
-    if name in known and not os.path.exists(located.folder / name):
+    bundled_names = (*names(), *scenes())
+    if name in bundled_names and not os.path.exists(located.folder / name):
         return path(name)
     file = located.beside(name)
     if file is not None:
         return file
-    hint = nearest(name, known)
+    hint = did_you_mean(name, bundled_names)
     message = f"found {shown(name)}: no file in this one's folder and no bundled puppet{hint}"
     raise located.error([(("puppet",), message)], FileError)

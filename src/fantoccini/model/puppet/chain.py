@@ -6,7 +6,7 @@ from typing import Any
 
 from pydantic import Field
 
-from fantoccini.base.documents import Model, mistake
+from fantoccini.base.documents import Model, validation_error
 from fantoccini.model.puppet.limits import LIMITS
 from fantoccini.model.puppet.quantities import Damping, PositiveMass, PositiveStiffness
 
@@ -33,23 +33,23 @@ class Chain(Model):
     """Force per unit of strain rate [N s]; each spring's damping is this / (its relaxed length)."""
 
 
-def check_chain(wire: bool, bounces: bool, slips: bool, points: int) -> None:
+def check_chain(wire: bool, has_restitution: bool, can_slip: bool, n_points: int) -> None:
     """Raises a mistake if a string cannot be a chain.
 
     Args:
-        wire, bounces, slips: properties of the string.
-        points: number of points of its path.
+        wire, has_restitution, can_slip: properties of the string.
+        n_points: number of points of its path.
     """
-    conflicts = {"wire: true": wire, "restitution": bounces, "max_tension": slips}
+    conflicts = {"wire: true": wire, "restitution": has_restitution, "max_tension": can_slip}
     keys = [key for key, is_given in conflicts.items() if is_given]
     if keys:
-        raise mistake(
+        raise validation_error(
             f"found chain and {keys[0]}; a chain is made of springs, which are not rigid and "
             "neither bounce nor slip"
         )
-    if points > 2:
-        raise mistake(
-            f"found chain and a path of {points} points; masses do not run over pulleys: "
+    if n_points > 2:
+        raise validation_error(
+            f"found chain and a path of {n_points} points; masses do not run over pulleys: "
             "a chain has two ends"
         )
 

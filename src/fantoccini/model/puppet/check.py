@@ -22,7 +22,7 @@ from fantoccini.model.puppet.parts import AnyPuppet, Parts, named_parts
 from fantoccini.model.puppet.shapes import has_mass
 from fantoccini.model.puppet.written import parameters
 
-_MIRRORED = ("bodies", "strings", "springs")
+_MIRRORED_SECTIONS = ("bodies", "strings", "springs")
 
 
 def findings(puppet: AnyPuppet, data: dict[str, Any]) -> list[Finding]:
@@ -46,7 +46,7 @@ def findings(puppet: AnyPuppet, data: dict[str, Any]) -> list[Finding]:
     return parts.mistakes
 
 
-def twins(
+def twin_findings(
     puppet: AnyPuppet, data: dict[str, Any], valid_parts: Callable[[dict[str, Any]], AnyPuppet]
 ) -> list[Finding]:
     """Mistakes of mirror images, located at their originals in the file.
@@ -56,18 +56,18 @@ def twins(
         data: its plain data.
         valid_parts: makes a puppet of the valid parts of plain data.
     """
-    whole_data, mistakes = reflected(data)
+    mirrored_data, mistakes = reflected(data)
     if puppet.mirror is None:
         return mistakes
-    token = puppet.mirror.from_
+    word = puppet.mirror.from_
     # Shapes are left out: those of twins are as valid, and reading meshes is slow.
-    bodies = [{k: v for k, v in body.items() if k != "shapes"} for body in whole_data["bodies"]]
-    whole = valid_parts(whole_data | {"bodies": bodies, "obstacles": []})
-    for path, text in findings(whole, whole_data):
+    bodies = [{k: v for k, v in body.items() if k != "shapes"} for body in mirrored_data["bodies"]]
+    both_halves = valid_parts(mirrored_data | {"bodies": bodies, "obstacles": []})
+    for path, text in findings(both_halves, mirrored_data):
         section = data.get(str(path[0]), ())
-        if path[0] in _MIRRORED and isinstance(path[1], int) and path[1] >= len(section):
-            originals = [i for i, item in enumerate(section) if token in item["name"]]
-            twin = whole_data[path[0]][path[1]]["name"]
+        if path[0] in _MIRRORED_SECTIONS and isinstance(path[1], int) and path[1] >= len(section):
+            originals = [i for i, item in enumerate(section) if word in item["name"]]
+            twin = mirrored_data[path[0]][path[1]]["name"]
             path = (path[0], originals[path[1] - len(section)], *path[2:])
             text = f"in its mirrored twin {twin}: {text}"
         mistakes.append((path, text))
@@ -83,8 +83,8 @@ def massless_joints(bodies: tuple[Body, ...], mirror: Mirror | None) -> list[Fin
     """
     index_of = {body.name: i for i, body in enumerate(bodies)}
     if mirror is not None:
-        twins = {twin_name(n, mirror.from_, mirror.to): i for n, i in index_of.items()}
-        index_of = twins | index_of
+        twin_findings = {twin_name(n, mirror.from_, mirror.to): i for n, i in index_of.items()}
+        index_of = twin_findings | index_of
     carries_mass = [False] * len(bodies)
     for i, body in enumerate(bodies):
         if body.mass is None:
@@ -98,7 +98,7 @@ def massless_joints(bodies: tuple[Body, ...], mirror: Mirror | None) -> list[Fin
             if parent == "world":
                 break
             i = index_of[parent]
-    moving = [
+    movable = [
         i
         for i, body in enumerate(bodies)
         if body.joint.type != "fixed"
@@ -106,7 +106,7 @@ def massless_joints(bodies: tuple[Body, ...], mirror: Mirror | None) -> list[Fin
         and not value_of(body.joint.armature)
     ]
     text = "this joint moves no mass; give a body that it carries a mass, or the joint an armature"
-    return [(("bodies", i, "joint"), text) for i in moving if not carries_mass[i]]
+    return [(("bodies", i, "joint"), text) for i in movable if not carries_mass[i]]
 
 
 def _check_names(parts: Parts) -> None:
@@ -116,9 +116,9 @@ def _check_names(parts: Parts) -> None:
         elif name == "world":
             parts.add_mistake(path, "found 'world', which is the name of the world itself")
         elif name in parts.path_of:
-            first = key_path(parts.path_of[name])
+            first_key_path = key_path(parts.path_of[name])
             parts.add_mistake(
-                path, f"the name {shown(name)} is taken by {first}; names are used once"
+                path, f"the name {shown(name)} is taken by {first_key_path}; names are used once"
             )
         else:
             parts.path_of[name] = path
@@ -127,35 +127,39 @@ def _check_names(parts: Parts) -> None:
 def _check_mirror(parts: Parts) -> None:
     if not parts.mirror_words:
         return
-    token, to = parts.mirror_words
-    if token == to:
-        parts.add_mistake(("mirror", "to"), f"found {shown(to)} for both from and to")
+    word, twin_word = parts.mirror_words
+    if word == twin_word:
+        parts.add_mistake(("mirror", "to"), f"found {shown(twin_word)} for both from and to")
         return
     originals: dict[str, str] = {}
-    reflectable = [(n, p) for n, p in named_parts(parts.puppet) if p[0] in _MIRRORED]
-    mirrored = {p[:2] for n, p in reflectable if p[-2] != "joint" and token in n}
-    for name, path in reflectable:
-        if path[:2] not in mirrored:
-            if token in name:
-                text = f"the body's name does not contain {shown(token)}, the joint's does"
+    named_paths = [(n, p) for n, p in named_parts(parts.puppet) if p[0] in _MIRRORED_SECTIONS]
+    mirrored_paths = {p[:2] for n, p in named_paths if p[-2] != "joint" and word in n}
+    for name, path in named_paths:
+        if path[:2] not in mirrored_paths:
+            if word in name:
+                text = f"the body's name does not contain {shown(word)}, the joint's does"
                 parts.add_mistake(path, f"{text}; the mirror reflects bodies with their joints")
             continue
         twin = parts.twin(name)
-        taken = parts.path_of.get(twin)
-        if token not in name or taken is not None or twin in originals:
-            by = key_path(taken) if taken is not None else f"the twin of {originals.get(twin)!r}"
+        taken_path = parts.path_of.get(twin)
+        if word not in name or taken_path is not None or twin in originals:
+            owner_text = (
+                key_path(taken_path)
+                if taken_path is not None
+                else f"the twin of {originals.get(twin)!r}"
+            )
             parts.add_mistake(
-                path, f"its twin would be called {shown(twin)}, which is taken by {by}"
+                path, f"its twin would be called {shown(twin)}, which is taken by {owner_text}"
             )
         elif not re.fullmatch(NAME, twin, re.ASCII) and re.fullmatch(NAME, name, re.ASCII):
             parts.add_mistake(
                 ("mirror", "to"), f"{shown(twin)}, the twin of {name!r}, is not a valid name"
             )
         originals[twin] = name
-    if not mirrored:
-        shared = {w for n, _ in reflectable for w in re.split(r"[_-]", n)}
-        text = f"no body, string or spring has {shown(token)} in its name"
-        parts.add_mistake(("mirror", "from"), text + parts.hint(token, shared))
+    if not mirrored_paths:
+        words_in_names = {w for n, _ in named_paths for w in re.split(r"[_-]", n)}
+        text = f"no body, string or spring has {shown(word)} in its name"
+        parts.add_mistake(("mirror", "from"), text + parts.hint(word, words_in_names))
 
 
 def _check_parents(parts: Parts) -> None:
@@ -179,29 +183,29 @@ def _check_parents(parts: Parts) -> None:
             ancestors[name] = None
             name = parent_of[name]
         if name in ancestors:
-            ring = list(ancestors)[list(ancestors).index(name) :]
-            shown_ring = ring if len(ring) < 9 else [*ring[:7], "...", ring[-1]]
-            text = f"the parents form a cycle: {' -> '.join([*shown_ring, name])}"
-            firsts = [n for n in ring if n in parts.bodies]
-            if firsts:
-                parts.add_mistake(("bodies", parts.bodies[firsts[0]], "parent"), text)
+            cycle = list(ancestors)[list(ancestors).index(name) :]
+            listed_cycle = cycle if len(cycle) < 9 else [*cycle[:7], "...", cycle[-1]]
+            text = f"the parents form a cycle: {' -> '.join([*listed_cycle, name])}"
+            bodies_here = [n for n in cycle if n in parts.bodies]
+            if bodies_here:
+                parts.add_mistake(("bodies", parts.bodies[bodies_here[0]], "parent"), text)
         visited.update(ancestors)
 
 
 def _check_count(parts: Parts) -> None:
     """Checks the total number of parts."""
-    counts = dict.fromkeys(_MIRRORED, 0)
+    counts = dict.fromkeys(_MIRRORED_SECTIONS, 0)
     for key in counts:
         for item in getattr(parts.puppet, key):
             pieces = item.chain.pieces if key == "strings" and item.chain else 1
             count = min(pieces, LIMITS.max_pieces) if isinstance(pieces, int) else 1
-            twice = isinstance(item.name, str) and parts.twin(item.name) != item.name
-            counts[key] += 2 * count if twice else count
+            has_twin = isinstance(item.name, str) and parts.twin(item.name) != item.name
+            counts[key] += 2 * count if has_twin else count
     total = sum(counts.values())
     if total > LIMITS.max_parts:
         path = max(counts, key=lambda part: counts[part])
-        more = ", twins included" if parts.mirror_words else ""
-        text = f"found {total} bodies, strings, springs and masses of chains{more}"
+        twins_text = ", twins included" if parts.mirror_words else ""
+        text = f"found {total} bodies, strings, springs and masses of chains{twins_text}"
         parts.add_mistake((path,), f"{text}; allowed: {LIMITS.max_parts}")
 
 
@@ -213,8 +217,12 @@ def _check_contact(parts: Parts) -> None:
         parts.add_mistake(parts.path_of[FLOOR], text)
     if not isinstance(puppet.contact, Contact):
         return
-    others = (*(obstacle.name for obstacle in puppet.obstacles), *puppet.members, *puppet.props)
-    allowed = {FLOOR, *parts.body_names, *(name for name in others if isinstance(name, str))}
+    other_names = (
+        *(obstacle.name for obstacle in puppet.obstacles),
+        *puppet.members,
+        *puppet.props,
+    )
+    allowed = {FLOOR, *parts.body_names, *(name for name in other_names if isinstance(name, str))}
     for i, pair in enumerate(puppet.contact.pairs):
         for k, name in enumerate(pair.between):
             if isinstance(name, str) and name not in allowed:
@@ -224,10 +232,10 @@ def _check_contact(parts: Parts) -> None:
 
 
 def _check_parameters(parts: Parts, data: dict[str, Any]) -> None:
-    first: dict[str, tuple[Path, float]] = {}
+    first_uses: dict[str, tuple[Path, float]] = {}
     for path, parameter in parameters(data):
         name, value = parameter["parameter"], parameter["value"]
-        first_path, first_value = first.setdefault(name, (path, value))
+        first_path, first_value = first_uses.setdefault(name, (path, value))
         if "." in name and name.partition(".")[0] not in parts.puppet.members:
             parts.add_mistake((*path, "parameter"), name_mistake(name))
         if value != first_value:

@@ -25,7 +25,7 @@ _QUATERNION = ("qw", "qx", "qy", "qz")
 
 def check_pose(parts: Parts) -> None:
     """Checks that start values have names of coordinates, and the right kind of value."""
-    kinds, unclear = _coordinates(parts)
+    kinds, unclear_joints = _coordinates(parts)
     string_names = {s.name for s in parts.puppet.strings if isinstance(s.name, str)}
     strings = string_names | {parts.twin(name) for name in string_names}
     names = set(kinds)
@@ -34,7 +34,7 @@ def check_pose(parts: Parts) -> None:
         path = ("pose", key)
         if key in kinds:
             _check_value(parts, path, kinds[key], value)
-        elif owner in unclear:
+        elif owner in unclear_joints:
             continue
         elif suffix in _QUATERNION and f"{owner}.rotation" in kinds:
             parts.add_mistake(path, f"write {owner}.rotation: [w, x, y, z] instead")
@@ -55,24 +55,24 @@ def check_drives(parts: Parts) -> None:
     units = _driven_units(parts)
     _, unclear = _coordinates(parts)
     drive_of: dict[str, str] = {}
-    known = set(units)
+    driven_names = set(units)
     for i, drive in enumerate(parts.puppet.drives):
-        driven: list[tuple[str, Path]] = []
+        checked_names: list[tuple[str, Path]] = []
         for k, name in enumerate(drive.on):
             path: Path = ("drives", i, "on", k)
             if not isinstance(name, str) or parts.split_coordinate(name)[0] in unclear:
                 continue
             if name not in units:
-                hint = _hint(parts, name, known)
+                hint = _hint(parts, name, driven_names)
                 parts.add_mistake(path, f"no driven coordinate is called {shown(name)}{hint}")
             elif name in drive_of:
                 parts.add_mistake(path, f"{name} has a drive already, {drive_of[name]}")
             else:
                 drive_of[name] = f"drives[{i}]"
-                driven.append((name, path))
+                checked_names.append((name, path))
                 misfits = drive_misfits(drive, name, units[name])
-                parts.mistakes += [(("drives", i, *at), text) for at, text in misfits]
-        for name, path in driven:
+                parts.mistakes += [(("drives", i, *key_path), text) for key_path, text in misfits]
+        for name, path in checked_names:
             owner, _ = parts.split_coordinate(name)
             twin = parts.twin(owner) + name[len(owner) :]
             if twin in drive.on:
@@ -94,8 +94,8 @@ def _hint(parts: Parts, key: str, names: set[str]) -> str:
         if name in names and name != key
     ]
     if candidates:
-        of_body = f"; the joint of {owner} is called {joint}" if joint != owner else ""
-        return f"{of_body}; did you mean {candidates[0]!r}?"
+        joint_text = f"; the joint of {owner} is called {joint}" if joint != owner else ""
+        return f"{joint_text}; did you mean {candidates[0]!r}?"
     if joint != owner:
         return f"; the joint of {owner} is called {joint}"
     return parts.hint(key, names)

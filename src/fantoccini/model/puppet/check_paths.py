@@ -21,23 +21,23 @@ def check_paths(parts: Parts) -> None:
 def _check_path(parts: Parts, path: Path, points: tuple[Attachment, ...]) -> None:
     """Adds the mistakes of the points at a path of keys."""
     all_carriers = [_carrier(parts, p, (*path, k)) for k, p in enumerate(points)]
-    driven = [k for k, c in enumerate(all_carriers) if c and c[0] == "driven"]
-    for k in driven:
+    driven_ends = [k for k, c in enumerate(all_carriers) if c and c[0] == "driven"]
+    for k in driven_ends:
         if path[0] == "springs":
             parts.add_mistake((*path, k, "driven"), "a spring's end cannot be driven")
         elif k not in (0, len(all_carriers) - 1):
             parts.add_mistake((*path, k, "driven"), "only a string's two ends can be driven")
-    if len(driven) > 1 and path[0] == "strings":
+    if len(driven_ends) > 1 and path[0] == "strings":
         text = "both ends are driven; needed: a body with a driven joint at one of them"
-        parts.add_mistake((*path, driven[1], "driven"), text)
+        parts.add_mistake((*path, driven_ends[1], "driven"), text)
     carriers = [c for c in all_carriers if c is not None]
     if len(all_carriers) < 2 or len(carriers) < len(all_carriers):
         return
     if len({c[:2] for c in carriers}) == 1:
-        where = "in the world" if carriers[0][0] == "world" else f"on {shown(carriers[0][1])}"
-        places = {c[2] for c in carriers}
-        length = "its length is zero" if len(places) == 1 else "its length can never change"
-        parts.add_mistake(path, f"all points lie {where}: {length}")
+        place_text = "in the world" if carriers[0][0] == "world" else f"on {shown(carriers[0][1])}"
+        positions = {c[2] for c in carriers}
+        length = "its length is zero" if len(positions) == 1 else "its length can never change"
+        parts.add_mistake(path, f"all points lie {place_text}: {length}")
         return
     for k in range(1, len(carriers)):
         if carriers[k] == carriers[k - 1] and carriers[k][2] is not None:
@@ -51,13 +51,13 @@ def _carrier(parts: Parts, point: Attachment, path: Path) -> Carrier | None:
     if point.driven is not None:
         if point.parent != "world" and isinstance(point.parent, str):
             _check_body(parts, point.parent, (*path, "parent"), {"world"})
-        return ("driven", path, _place(point.at))
+        return ("driven", path, _position(point.at))
     if point.world is not None:
-        return ("world", None, _place(point.world))
+        return ("world", None, _position(point.world))
     if point.body == "world":
         parts.add_mistake((*path, "body"), "found 'world'; write {world: [x, y, z]} instead")
     elif isinstance(point.body, str) and _check_body(parts, point.body, (*path, "body"), set()):
-        return ("body", point.body, _place(point.at))
+        return ("body", point.body, _position(point.at))
     return None
 
 
@@ -76,7 +76,7 @@ def _check_body(parts: Parts, name: str, path: Path, other_names: set[str]) -> b
     return name in parts.body_names
 
 
-def _place(point: tuple[Number, ...]) -> tuple[float, ...] | None:
+def _position(point: tuple[Number, ...]) -> tuple[float, ...] | None:
     """Coordinates of a point; None if the file does not determine them."""
     if point is UNCLEAR or any(UNCLEAR in (x, getattr(x, "value", x)) for x in point):
         return None

@@ -17,31 +17,33 @@ def check_rig(parts: Parts) -> None:
     strings = {s.name for s in parts.puppet.strings if isinstance(s.name, str)}
     strings |= {parts.twin(name) for name in strings}
     parents = _parents(parts)
-    owner: dict[str, str] = {}
+    owner_of_body: dict[str, str] = {}
     for i, name in enumerate(rig.trunk or ()):
-        _assign_body(parts, ("rig", "trunk", i), name, "the trunk", owner)
+        _assign_body(parts, ("rig", "trunk", i), name, "the trunk", owner_of_body)
     if rig.head:
-        _assign_body(parts, ("rig", "head", "body"), rig.head.body, "the head", owner)
+        _assign_body(parts, ("rig", "head", "body"), rig.head.body, "the head", owner_of_body)
     if rig.control is not None and isinstance(rig.control, str):
-        _assign_body(parts, ("rig", "control"), rig.control, "the control", owner)
+        _assign_body(parts, ("rig", "control"), rig.control, "the control", owner_of_body)
     for key in ("carrying", "looking"):
         _check_strings(parts, ("rig", key), getattr(rig, key) or (), strings)
     for i, limb in enumerate(rig.limbs or ()):
         path: Path = ("rig", "limbs", i)
         _check_strings(parts, (*path, "strings"), limb.strings, strings)
-        previous = ""
+        previous_body = ""
         for k, name in enumerate(limb.bodies):
             body_path = (*path, "bodies", k)
-            if not _assign_body(parts, body_path, name, f"limb {i + 1}", owner):
+            if not _assign_body(parts, body_path, name, f"limb {i + 1}", owner_of_body):
                 break
-            if previous and previous not in _ancestors(parents, name):
-                text = f"{shown(name)} does not hang on {shown(previous)}, the body before it"
+            if previous_body and previous_body not in _ancestors(parents, name):
+                text = f"{shown(name)} does not hang on {shown(previous_body)}, the body before it"
                 parts.add_mistake(body_path, text)
-            previous = name
+            previous_body = name
     _check_mirror(parts, rig)
 
 
-def _assign_body(parts: Parts, path: Path, name: object, part: str, owner: dict[str, str]) -> bool:
+def _assign_body(
+    parts: Parts, path: Path, name: object, part: str, owner_of_body: dict[str, str]
+) -> bool:
     """Assigns a body to a part of the rig, or adds a mistake.
 
     Args:
@@ -49,7 +51,7 @@ def _assign_body(parts: Parts, path: Path, name: object, part: str, owner: dict[
         path: path of the name in the file.
         name: name of the body.
         part: part of the rig, such as "the trunk".
-        owner: body -> part of the rig; changed in place.
+        owner_of_body: body -> part of the rig; changed in place.
 
     Returns:
         Whether the body exists and had no part yet.
@@ -61,19 +63,21 @@ def _assign_body(parts: Parts, path: Path, name: object, part: str, owner: dict[
             path, f"no body is called {shown(name)}{parts.hint(name, parts.body_names)}"
         )
         return False
-    if name in owner:
-        parts.add_mistake(path, f"the body {shown(name)} belongs to {owner[name]} already")
+    if name in owner_of_body:
+        parts.add_mistake(path, f"the body {shown(name)} belongs to {owner_of_body[name]} already")
         return False
-    owner[name] = part
+    owner_of_body[name] = part
     return True
 
 
-def _check_strings(parts: Parts, path: Path, names: Iterable[object], known: set[str]) -> None:
+def _check_strings(
+    parts: Parts, path: Path, names: Iterable[object], string_names: set[str]
+) -> None:
     """Adds a mistake for every name that is not a string of the puppet."""
     for i, name in enumerate(names):
-        if isinstance(name, str) and name not in known:
+        if isinstance(name, str) and name not in string_names:
             parts.add_mistake(
-                (*path, i), f"no string is called {shown(name)}{parts.hint(name, known)}"
+                (*path, i), f"no string is called {shown(name)}{parts.hint(name, string_names)}"
             )
 
 

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal, get_args
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from fantoccini.base.documents import Model, NotNegative, RealShare, entries, mistake
+from fantoccini.base.documents import Model, NotNegative, RealShare, entries, validation_error
 
 Group = Literal["floor", "obstacles", "props", "puppets", "self"]
 """Possible partners in contact: ``puppets`` are the other ones, ``self`` are its own bodies."""
@@ -31,7 +31,9 @@ class ContactPair(Model):
     @model_validator(mode="after")
     def _changes_something(self) -> ContactPair:
         if self.meet and self.friction is None and self.restitution is None:
-            raise mistake("this pair changes nothing; give friction, restitution or meet: false")
+            raise validation_error(
+                "this pair changes nothing; give friction, restitution or meet: false"
+            )
         return self
 
 

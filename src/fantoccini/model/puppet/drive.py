@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema, model_validator
 
-from fantoccini.base.documents import Model, mistake, shown
+from fantoccini.base.documents import Model, shown, validation_error
 from fantoccini.model.puppet.limits import LIMITS
 from fantoccini.model.puppet.quantities import (
     Damping,
@@ -66,9 +66,11 @@ class DirectCurrent(Model):
 
 
 def _count(value: Any) -> int:
-    largest = LIMITS.max_motor_steps
-    if not isinstance(value, int) or isinstance(value, bool) or not 1 <= value <= largest:
-        raise mistake(f"found {shown(value)}; needed: a whole number from 1 to {largest}")
+    max_count = LIMITS.max_motor_steps
+    if not isinstance(value, int) or isinstance(value, bool) or not 1 <= value <= max_count:
+        raise validation_error(
+            f"found {shown(value)}; needed: a whole number from 1 to {max_count}"
+        )
     return value
 
 
@@ -130,13 +132,15 @@ Control = Annotated[PD | ComputedTorque, Field(discriminator="type")]
 
 def _as_list(value: Any) -> Any:
     if not isinstance(value, str | list | tuple):
-        raise mistake(f"found {shown(value)}; needed: a driven coordinate, or a list of them")
+        raise validation_error(
+            f"found {shown(value)}; needed: a driven coordinate, or a list of them"
+        )
     return [value] if isinstance(value, str) else value
 
 
 def _not_empty(names: tuple[str, ...]) -> tuple[str, ...]:
     if not names:
-        raise mistake("found an empty list; needed: one or more driven coordinates")
+        raise validation_error("found an empty list; needed: one or more driven coordinates")
     return names
 
 
@@ -178,12 +182,16 @@ class Drive(Model):
     @model_validator(mode="after")
     def _check_parts(self) -> Drive:
         if self.mass is None and self.inertia is None:
-            raise mistake("needed: mass, inertia or both; otherwise leave the drive out")
-        steps = isinstance(self.motor, StepperMotor)
-        if steps and self.control is not None:
-            raise mistake("found control and a stepper; a stepper follows its command by itself")
-        if self.motor is not None and not steps and self.control is None:
-            raise mistake("found a motor without control; needed: control, to follow a command")
+            raise validation_error("needed: mass, inertia or both; otherwise leave the drive out")
+        is_stepper = isinstance(self.motor, StepperMotor)
+        if is_stepper and self.control is not None:
+            raise validation_error(
+                "found control and a stepper; a stepper follows its command by itself"
+            )
+        if self.motor is not None and not is_stepper and self.control is None:
+            raise validation_error(
+                "found a motor without control; needed: control, to follow a command"
+            )
         return self
 
     @property
@@ -200,14 +208,14 @@ def drive_misfits(drive: Drive, name: str, unit: str) -> Iterator[tuple[tuple[st
         name: name of the coordinate.
         unit: unit of the coordinate: ``m``, ``rad``, or ``rotation`` for an orientation.
     """
-    rotor, drum = drive.inertia is not None, drive.drum is not None
+    has_rotor, has_drum = drive.inertia is not None, drive.drum is not None
     if unit != "m":
         for key in ("mass", "drum"):
             if getattr(drive, key) is not None:
                 yield (key,), f"{name} turns; allowed: inertia and gear, but not {key}"
-    elif rotor and not drum:
+    elif has_rotor and not has_drum:
         yield ("inertia",), f"{name} is a length; needed: the drum that the rotor turns"
-    elif drum and not rotor:
+    elif has_drum and not has_rotor:
         yield ("drum",), "found a drum without a rotor; needed: its inertia"
     if unit == "rotation" and drive.motor is not None and drive.motor.type in ("dc", "stepper"):
         yield ("motor", "type"), f"{name} turns about three axes; needed: a servo, or no motor"

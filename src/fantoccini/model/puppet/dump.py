@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from pydantic import BaseModel
 
-_BARE = re.compile(r"[A-Za-z_][A-Za-z0-9_.-]*")
-_WORDS = {"true", "false", "null"}
-_FIRST = ("name", "type")
+_UNQUOTED = re.compile(r"[A-Za-z_][A-Za-z0-9_.-]*")
+_YAML_CONSTANTS = {"true", "false", "null"}
+_LEADING_KEYS = ("name", "type")
 """Keys that are written first."""
 _MAX_LINE_WIDTH = 90
 """Longest line on which a value is written in flow style [characters]."""
@@ -21,7 +21,9 @@ def plain(value: Any) -> Any:
     """Models, tuples and arrays as dicts, lists and scalars, with the keys of a file."""
     if isinstance(value, BaseModel):
         fields = type(value).model_fields
-        values = {k: getattr(value, k) for k in sorted(fields, key=lambda k: k not in _FIRST)}
+        values = {
+            k: getattr(value, k) for k in sorted(fields, key=lambda k: k not in _LEADING_KEYS)
+        }
         return {
             fields[k].alias or k: plain(v)
             for k, v in values.items()
@@ -70,16 +72,16 @@ def _block(value: Any, indent: str) -> list[str]:
     return lines
 
 
-def _entry(head: str, item: Any, deeper: str, indent: str) -> list[str]:
+def _entry(head: str, item: Any, inner_indent: str, indent: str) -> list[str]:
     flow = _flow(item)
-    nested = isinstance(item, list) and item and isinstance(item[0], dict)
+    is_list_of_mappings = isinstance(item, list) and item and isinstance(item[0], dict)
     if not isinstance(item, (dict, list)) or not item:
         return [f"{head} {flow}"]
-    if len(head) + 1 + len(flow) <= _MAX_LINE_WIDTH and not (nested and not indent):
+    if len(head) + 1 + len(flow) <= _MAX_LINE_WIDTH and not (is_list_of_mappings and not indent):
         return [f"{head} {flow}"]
-    if isinstance(item, list) and not nested:
+    if isinstance(item, list) and not is_list_of_mappings:
         return [f"{head} {flow}"]
-    return [head, *_block(item, deeper)]
+    return [head, *_block(item, inner_indent)]
 
 
 def _flow(value: Any) -> str:
@@ -91,6 +93,10 @@ def _flow(value: Any) -> str:
 
 
 def _scalar(value: Any) -> str:
-    if isinstance(value, str) and _BARE.fullmatch(value) and value.lower() not in _WORDS:
+    if (
+        isinstance(value, str)
+        and _UNQUOTED.fullmatch(value)
+        and value.lower() not in _YAML_CONSTANTS
+    ):
         return value
     return json.dumps(value, ensure_ascii=False, allow_nan=False)

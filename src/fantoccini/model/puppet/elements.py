@@ -15,12 +15,12 @@ from fantoccini.base.documents import (
     PartName,
     Share,
     entries,
-    mistake,
     number_kind,
     rotation_vector_quaternion,
     shown,
     sized,
     unit,
+    validation_error,
     value_of,
 )
 from fantoccini.model.puppet.chain import Chain, check_chain
@@ -59,9 +59,9 @@ def _check_inertia(inertia: tuple[Number, ...]) -> tuple[Number, ...]:
     a, b, c = np.linalg.eigvalsh([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]])
     tolerance = 1e-9 * abs(c)  # far above rounding
     if a < -tolerance:
-        raise mistake(f"found a principal moment of {a:g} kg m^2; none may be negative")
+        raise validation_error(f"found a principal moment of {a:g} kg m^2; none may be negative")
     if a + b < c - tolerance:
-        raise mistake(
+        raise validation_error(
             f"found principal moments {a:g}, {b:g} and {c:g} kg m^2; no solid has one that is "
             "larger than the sum of the other two"
         )
@@ -108,15 +108,17 @@ class Attachment(Model):
     """Name of the body in whose frame a driven end moves."""
 
     @model_validator(mode="after")
-    def _one_place(self) -> Attachment:
+    def _exactly_one_carrier(self) -> Attachment:
         keys = [k for k in ("body", "world", "driven") if getattr(self, k) is not None]
         if len(keys) != 1:
             text = " and ".join(keys) or "neither"
-            raise mistake(f"found {text}; needed: exactly one of body, world, driven")
+            raise validation_error(f"found {text}; needed: exactly one of body, world, driven")
         if self.parent != "world" and self.driven is None:
-            raise mistake("found parent for a point that is not driven; needed: body instead")
+            raise validation_error(
+                "found parent for a point that is not driven; needed: body instead"
+            )
         if self.world is not None and "at" in self.model_fields_set:
-            raise mistake("found world and at; needed: only world, which is the position")
+            raise validation_error("found world and at; needed: only world, which is the position")
         return self
 
 
@@ -126,7 +128,7 @@ def _length_kind(value: Any) -> str:
 
 def _driven(word: Any) -> Any:
     if word != "driven":
-        raise mistake(f"found {shown(word)}; needed: a positive number [m], or driven")
+        raise validation_error(f"found {shown(word)}; needed: a positive number [m], or driven")
     return word
 
 
@@ -163,18 +165,20 @@ class String(Model):
 
     @model_validator(mode="after")
     def _check_options(self) -> String:
-        bounces = value_of(self.restitution) > 0
-        if self.wire and (bounces or self.max_tension is not None):
-            key = "restitution" if bounces else "max_tension"
-            raise mistake(f"found wire: true and {key}; a wire neither bounces nor slips")
+        has_restitution = value_of(self.restitution) > 0
+        if self.wire and (has_restitution or self.max_tension is not None):
+            key = "restitution" if has_restitution else "max_tension"
+            raise validation_error(f"found wire: true and {key}; a wire neither bounces nor slips")
         if self.rewind_speed is not None and self.max_tension is None:
-            raise mistake("found rewind_speed without max_tension; only a winch that slips rewinds")
-        if bounces and self.max_tension is not None:
-            raise mistake(
+            raise validation_error(
+                "found rewind_speed without max_tension; only a winch that slips rewinds"
+            )
+        if has_restitution and self.max_tension is not None:
+            raise validation_error(
                 "found restitution and max_tension; a string on a slipping winch does not bounce"
             )
         if self.chain is not None:
-            check_chain(self.wire, bounces, self.max_tension is not None, len(self.path))
+            check_chain(self.wire, has_restitution, self.max_tension is not None, len(self.path))
         return self
 
 

@@ -7,7 +7,14 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
-from fantoccini.base.documents import Axes, Direction, Model, Orientation, PartName, mistake
+from fantoccini.base.documents import (
+    Axes,
+    Direction,
+    Model,
+    Orientation,
+    PartName,
+    validation_error,
+)
 from fantoccini.model.puppet.quantities import (
     Angle,
     AngleOrPlace,
@@ -18,7 +25,7 @@ from fantoccini.model.puppet.quantities import (
     Stiffness,
 )
 
-_ALLOWED_IN = {
+_JOINT_TYPES_OF_KEY = {
     "axis": ("revolute", "prismatic"),
     "axes": ("translation",),
     "driven": ("revolute", "prismatic", "translation", "ball", "free"),
@@ -49,7 +56,7 @@ class Limits(Model):
     """Upper limit [rad or m]."""
 
     @model_validator(mode="after")
-    def _ordered(self) -> Limits:
+    def _check_limits(self) -> Limits:
         _check_range(self.lower, self.upper)
         return self
 
@@ -66,9 +73,11 @@ class Cone(Model):
 
     @field_validator("max")
     @classmethod
-    def _open(cls, angle: float) -> float:
+    def _check_cone_angle(cls, angle: float) -> float:
         if not 0 < angle < np.pi:
-            raise mistake(f"found {angle:g} rad; needed: more than 0 and less than 180 deg")
+            raise validation_error(
+                f"found {angle:g} rad; needed: more than 0 and less than 180 deg"
+            )
         return angle
 
     @property
@@ -88,18 +97,20 @@ class Twist(Model):
     """Axis b, in the body frame; by default the axis that the cone limits."""
 
     @model_validator(mode="after")
-    def _ordered(self) -> Twist:
+    def _check_limits(self) -> Twist:
         _check_range(self.lower, self.upper)
         if any(x is not None and abs(x) > np.pi for x in (self.lower, self.upper)):
-            raise mistake("a twist lies between -180 deg and 180 deg")
+            raise validation_error("a twist lies between -180 deg and 180 deg")
         return self
 
 
 def _check_range(lower: float | None, upper: float | None) -> None:
     if lower is None and upper is None:
-        raise mistake("needed: lower, upper or both")
+        raise validation_error("needed: lower, upper or both")
     if lower is not None and upper is not None and lower >= upper:
-        raise mistake(f"found lower {lower:g} and upper {upper:g}; lower must be below upper")
+        raise validation_error(
+            f"found lower {lower:g} and upper {upper:g}; lower must be below upper"
+        )
 
 
 class Joint(Model):
@@ -134,49 +145,55 @@ class Joint(Model):
 
     @field_validator("axis", "axes")
     @classmethod
-    def _needed(cls, value: Any, info: ValidationInfo) -> Any:
+    def _check_required(cls, value: Any, info: ValidationInfo) -> Any:
         kind = info.data.get("type")
-        if kind in _ALLOWED_IN[str(info.field_name)] and value is None:
-            raise mistake(f"a {kind} joint needs this key")
+        if kind in _JOINT_TYPES_OF_KEY[str(info.field_name)] and value is None:
+            raise validation_error(f"a {kind} joint needs this key")
         return value
 
-    @field_validator(*_ALLOWED_IN)
+    @field_validator(*_JOINT_TYPES_OF_KEY)
     @classmethod
-    def _fits(cls, value: Any, info: ValidationInfo) -> Any:
+    def _check_joint_type(cls, value: Any, info: ValidationInfo) -> Any:
         name = str(info.field_name)
         if value is None or value is False or (name in ("damping", "armature") and not value):
             return value
-        kind, allowed = info.data.get("type"), _ALLOWED_IN[name]
+        kind, allowed = info.data.get("type"), _JOINT_TYPES_OF_KEY[name]
         if kind is not None and kind not in allowed:
-            raise mistake(f"found in a {kind} joint; allowed in {', '.join(allowed)} joints")
+            raise validation_error(
+                f"found in a {kind} joint; allowed in {', '.join(allowed)} joints"
+            )
         if name not in ("driven", "axis", "axes") and info.data.get("driven"):
             text = "a driven joint follows its input; it has no damping, spring or limits"
             if name == "armature":
                 text = "a driven joint follows its input; a drive gives it a rotor"
-            raise mistake(text)
+            raise validation_error(text)
         return value
 
     @field_validator("spring", "limits", mode="before")
     @classmethod
-    def _mapped_numbers(cls, value: Any, info: ValidationInfo) -> Any:
+    def _check_mapping(cls, value: Any, info: ValidationInfo) -> Any:
         if info.field_name == "limits" and isinstance(value, (list, tuple)):
-            raise mistake("found a list; needed: {lower: ..., upper: ...}")
+            raise validation_error("found a list; needed: {lower: ..., upper: ...}")
         if info.data.get("type") == "prismatic" and isinstance(value, dict):
             words = [v for v in value.values() if isinstance(v, str)]
             if words:
-                raise mistake(f"found {words[0]!r}; needed: a length in metres, without a unit")
+                raise validation_error(
+                    f"found {words[0]!r}; needed: a length in metres, without a unit"
+                )
         return value
 
     @field_validator("spring")
     @classmethod
-    def _ball_rests_at_zero(cls, spring: Any, info: ValidationInfo) -> Any:
+    def _check_ball_rest(cls, spring: Any, info: ValidationInfo) -> Any:
         if spring is not None and info.data.get("type") == "ball" and spring.rest != 0:
-            raise mistake("a ball joint's spring has no rest; turn the joint frame instead")
+            raise validation_error(
+                "a ball joint's spring has no rest; turn the joint frame instead"
+            )
         return spring
 
     @field_validator("twist")
     @classmethod
-    def _twist_axis(cls, twist: Any, info: ValidationInfo) -> Any:
+    def _check_twist_axis(cls, twist: Any, info: ValidationInfo) -> Any:
         if twist is not None and twist.axis is None and info.data.get("cone", ...) is None:
-            raise mistake("needed: axis, or a cone, which gives the axis")
+            raise validation_error("needed: axis, or a cone, which gives the axis")
         return twist

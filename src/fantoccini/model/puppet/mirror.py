@@ -15,9 +15,9 @@ SIGNS = {"xy": (1, 1, -1), "yz": (-1, 1, 1), "xz": (1, -1, 1)}
 _INDEX = {"x": 0, "y": 1, "z": 2}
 
 
-def twin_name(name: str, token: str, to: str) -> str:
+def twin_name(name: str, word: str, twin_word: str) -> str:
     """Name of the mirrored twin: that of the part itself if it does not contain the token."""
-    return name.replace(token, to)
+    return name.replace(word, twin_word)
 
 
 def reflected(data: dict[str, Any]) -> tuple[dict[str, Any], list[Finding]]:
@@ -31,27 +31,31 @@ def reflected(data: dict[str, Any]) -> tuple[dict[str, Any], list[Finding]]:
     """
     if "mirror" not in data:
         return data, []
-    rule = data["mirror"]
-    image = Reflection(rule["plane"], rule["from"], rule["to"])
-    out = {key: value for key, value in data.items() if key != "mirror"}
-    sections = {"bodies": image.body, "strings": image.string, "springs": image.spring}
+    mirror = data["mirror"]
+    reflection = Reflection(mirror["plane"], mirror["from"], mirror["to"])
+    mirrored = {key: value for key, value in data.items() if key != "mirror"}
+    sections = {
+        "bodies": reflection.body,
+        "strings": reflection.string,
+        "springs": reflection.spring,
+    }
     for key, reflect in sections.items():
         if key in data:
             twins = [
                 reflect(item, (key, i))
                 for i, item in enumerate(data[key])
-                if rule["from"] in item["name"]
+                if mirror["from"] in item["name"]
             ]
-            out[key] = [*data[key], *twins]
+            mirrored[key] = [*data[key], *twins]
     if "drives" in data:
-        out["drives"] = [image.drive(drive) for drive in data["drives"]]
+        mirrored["drives"] = [reflection.drive(drive) for drive in data["drives"]]
     if isinstance(data.get("contact"), dict):
-        out["contact"] = image.contact(data["contact"])
+        mirrored["contact"] = reflection.contact(data["contact"])
     if "rig" in data:
-        out["rig"] = image.rig(data["rig"])
+        mirrored["rig"] = reflection.rig(data["rig"])
     if "pose" in data:
-        out["pose"] = image.pose(data["pose"]) | data["pose"]
-    return out, image.findings
+        mirrored["pose"] = reflection.pose(data["pose"]) | data["pose"]
+    return mirrored, reflection.findings
 
 
 class Reflection:
@@ -61,12 +65,12 @@ class Reflection:
         findings: mistakes about parameters whose mirror image would have the opposite sign.
     """
 
-    def __init__(self, plane: str, token: str, to: str):
-        self.signs, self.token, self.to = SIGNS[plane], token, to
+    def __init__(self, plane: str, word: str, twin_word: str):
+        self.signs, self.word, self.twin_word = SIGNS[plane], word, twin_word
         self.findings: list[Finding] = []
 
     def name(self, name: str) -> str:
-        return twin_name(name, self.token, self.to)
+        return twin_name(name, self.word, self.twin_word)
 
     def contact(self, contact: dict[str, Any]) -> dict[str, Any]:
         """Contact rules with the twins' pairs before the originals, which override them."""
@@ -77,25 +81,28 @@ class Reflection:
 
     def rig(self, rig: dict[str, Any]) -> dict[str, Any]:
         """A rig with the twins of its limbs and strings, if it does not list them itself."""
-        out = dict(rig)
+        mirrored = dict(rig)
         for key in ("carrying", "looking", "trunk"):
             if key in rig:
-                out[key] = self.with_twins(rig[key])
+                mirrored[key] = self.with_twins(rig[key])
         limbs = rig.get("limbs", [])
-        listed = [limb["bodies"] for limb in limbs]
+        listed_chains = [limb["bodies"] for limb in limbs]
         twins = [self.limb(limb) for limb in limbs]
         if limbs:
-            out["limbs"] = [*limbs, *(twin for twin in twins if twin["bodies"] not in listed)]
-        return out
+            mirrored["limbs"] = [
+                *limbs,
+                *(twin for twin in twins if twin["bodies"] not in listed_chains),
+            ]
+        return mirrored
 
     def limb(self, limb: dict[str, Any]) -> dict[str, Any]:
-        other = {"left": "right", "right": "left"}
-        out = limb | {
+        opposite_side = {"left": "right", "right": "left"}
+        mirrored = limb | {
             key: [self.name(n) for n in limb[key]] for key in ("bodies", "strings") if key in limb
         }
         if "side" in limb:
-            out["side"] = other.get(limb["side"], limb["side"])
-        return out | {"end": self.vector(limb["end"])}
+            mirrored["side"] = opposite_side.get(limb["side"], limb["side"])
+        return mirrored | {"end": self.vector(limb["end"])}
 
     def with_twins(self, names: list[str]) -> list[str]:
         """The names, followed by those of their twins that are missing."""
@@ -114,7 +121,7 @@ class Reflection:
         if len(body.get("inertia", ())) == 6:
             x, y, z = self.signs
             signs = (1, 1, 1, x * y, x * z, y * z)
-            out["inertia"] = self.signed(body["inertia"], signs, (*path, "inertia"))
+            out["inertia"] = self.with_signs(body["inertia"], signs, (*path, "inertia"))
         return out
 
     def joint(self, joint: dict[str, Any], path: Path = ()) -> dict[str, Any]:
@@ -122,8 +129,10 @@ class Reflection:
         if "name" in joint:
             out["name"] = self.name(joint["name"])
         if "axis" in joint:
-            rotates = joint["type"] == "revolute"
-            out["axis"] = self.pseudo(joint["axis"]) if rotates else self.vector(joint["axis"])
+            is_revolute = joint["type"] == "revolute"
+            out["axis"] = (
+                self.pseudo_vector(joint["axis"]) if is_revolute else self.vector(joint["axis"])
+            )
         if "at" in joint:
             out["at"] = self.vector(joint["at"], (*path, "at"))
         if "orientation" in joint:
@@ -153,11 +162,11 @@ class Reflection:
         if "quaternion" in orientation:
             return {"quaternion": self.rotation(orientation["quaternion"])}
         if "rpy" in orientation:
-            return {"rpy": self.pseudo(orientation["rpy"])}
-        return orientation | {"axis": self.pseudo(orientation["axis"])}
+            return {"rpy": self.pseudo_vector(orientation["rpy"])}
+        return orientation | {"axis": self.pseudo_vector(orientation["axis"])}
 
     def rotation(self, quaternion: list[float]) -> list[float]:
-        return [quaternion[0], *self.pseudo(quaternion[1:])]
+        return [quaternion[0], *self.pseudo_vector(quaternion[1:])]
 
     def string(self, string: dict[str, Any], path: Path = ()) -> dict[str, Any]:
         points = [self.point(a, (*path, "path", k)) for k, a in enumerate(string["path"])]
@@ -170,8 +179,12 @@ class Reflection:
     def drive(self, drive: dict[str, Any]) -> dict[str, Any]:
         """A drive on its coordinates and their twins."""
         on = drive["on"]
-        twins = [self.name(o) + n[len(o) :] for n in on if self.token in (o := owner_of(n))]
-        return drive | {"on": [*on, *(n for n in twins if n not in on)]}
+        twins = [
+            self.name(owner) + coordinate[len(owner) :]
+            for coordinate in on
+            if self.word in (owner := owner_of(coordinate))
+        ]
+        return drive | {"on": [*on, *(coordinate for coordinate in twins if coordinate not in on)]}
 
     def point(self, attachment: dict[str, Any], path: Path = ()) -> dict[str, Any]:
         out = dict(attachment)
@@ -189,7 +202,7 @@ class Reflection:
         for key, value in pose.items():
             owner = owner_of(key)
             suffix = key[len(owner) + 1 :]
-            if self.token not in owner:
+            if self.word not in owner:
                 continue
             if suffix == "rotation":
                 value = self.rotation(value)
@@ -199,12 +212,12 @@ class Reflection:
         return out
 
     def vector(self, vector: list[Any], path: Path = ()) -> list[Any]:
-        return self.signed(vector, self.signs, path)
+        return self.with_signs(vector, self.signs, path)
 
-    def pseudo(self, vector: list[Any]) -> list[Any]:
-        return self.signed(vector, tuple(-s for s in self.signs), ())
+    def pseudo_vector(self, vector: list[Any]) -> list[Any]:
+        return self.with_signs(vector, tuple(-s for s in self.signs), ())
 
-    def signed(self, numbers: list[Any], signs: tuple[int, ...], path: Path) -> list[Any]:
+    def with_signs(self, numbers: list[Any], signs: tuple[int, ...], path: Path) -> list[Any]:
         out = []
         for k, (number, sign) in enumerate(zip(numbers, signs, strict=True)):
             if sign < 0 and isinstance(number, dict):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any, Protocol
 
-from fantoccini.base import nearest
+from fantoccini.base import did_you_mean
 from fantoccini.base.documents import LIMITS, Finding, Path, owner_of
 from fantoccini.model.puppet.contact import ContactRule
 from fantoccini.model.puppet.drive import Drive
@@ -125,4 +125,4 @@ class Parts:
         """The end of a message, with the most similar name; empty if the search would be slow."""
         self._hints += 1
         is_quick = self._hints <= LIMITS.max_hints and len(allowed) <= LIMITS.max_hint_names
-        return nearest(name[:64], allowed) if is_quick else ""
+        return did_you_mean(name[:64], allowed) if is_quick else ""

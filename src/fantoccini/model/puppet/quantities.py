@@ -17,9 +17,9 @@ from fantoccini.base.documents import (
     Number,
     Parameter,
     Real,
-    mistake,
     number_kind,
     sized,
+    validation_error,
     value_of,
 )
 
@@ -78,20 +78,24 @@ class Bounded:
         if number is None or isinstance(number, str):
             return number
         quantity, value = QUANTITIES[self.kind], value_of(number)
-        low, high = quantity.min_size, quantity.max_size
+        min_size, max_size = quantity.min_size, quantity.max_size
         size = abs(value)
-        replacement = min(max(size, low), high) or high
+        replacement = min(max(size, min_size), max_size) or max_size
         if self.sign == "positive" and value <= 0:
-            raise mistake(f"found {value:g}; needed: a positive number", replacement)
+            raise validation_error(f"found {value:g}; needed: a positive number", replacement)
         if self.sign == "not negative" and value < 0:
-            raise mistake(f"found {value:g}; needed: zero or a positive number", replacement)
-        if size > high or 0 < size < low:
-            text = f"{low:g} to {high:g}"
-            if low and self.sign != "positive":
+            raise validation_error(
+                f"found {value:g}; needed: zero or a positive number", replacement
+            )
+        if size > max_size or 0 < size < min_size:
+            text = f"{min_size:g} to {max_size:g}"
+            if min_size and self.sign != "positive":
                 text = f"0, or {text}"
             if self.sign == "any":
                 text += " in size"
-            raise mistake(f"found {value:g}; allowed: {text} {quantity.unit}".rstrip(), replacement)
+            raise validation_error(
+                f"found {value:g}; allowed: {text} {quantity.unit}".rstrip(), replacement
+            )
         return number
 
     def __get_pydantic_core_schema__(
@@ -107,13 +111,14 @@ class Bounded:
         return _with_range(handler(schema), signs[self.sign], quantity.max_size)
 
 
-def _with_range(schema: dict[str, Any], low: float, high: float) -> dict[str, Any]:
+def _with_range(schema: dict[str, Any], minimum: float, maximum: float) -> dict[str, Any]:
     """A JSON schema with a range added to its numbers, also in alternatives."""
     if schema.get("type") == "number":
-        return schema | {"minimum": low, "maximum": high}
+        return schema | {"minimum": minimum, "maximum": maximum}
     alternatives = {key: schema[key] for key in ("anyOf", "oneOf") if key in schema}
     return schema | {
-        key: [_with_range(s, low, high) for s in options] for key, options in alternatives.items()
+        key: [_with_range(s, minimum, maximum) for s in options]
+        for key, options in alternatives.items()
     }
 
 

@@ -6,7 +6,7 @@ from typing import Annotated, Literal, TypeAlias
 
 from pydantic import model_validator
 
-from fantoccini.base.documents import Direction, Model, entries, refuse
+from fantoccini.base.documents import Direction, Model, entries, raise_if_any
 from fantoccini.model.puppet.quantities import Vector
 
 LimbKind: TypeAlias = Literal["arm", "leg", "wing", "tail", "neck"]
@@ -56,14 +56,14 @@ class Rig(Model):
     """Name of the driven body from which the strings hang."""
 
     @model_validator(mode="after")
-    def _whole_or_none(self) -> Rig:
+    def _all_or_none(self) -> Rig:
         missing = [key for key in ("trunk", "facing") if getattr(self, key) is None]
         if self.limbs is not None and missing:
             text = (
                 f"found limbs without {' and '.join(missing)}; limbs, trunk and facing go together"
             )
-            refuse([(("limbs",), text)])
+            raise_if_any([(("limbs",), text)])
         if self.trunk is not None and self.limbs is None:
             text = "found trunk without limbs; limbs, trunk and facing go together"
-            refuse([(("trunk",), text)])
+            raise_if_any([(("trunk",), text)])
         return self

@@ -84,35 +84,37 @@ class Puppet(Document):
         if isinstance(data, Puppet):
             return data
         located = info.context if isinstance(info.context, Located) else Located()
-        plain, puppet, mistakes = dump.plain(data), None, []
-        candidate = plain
+        data_as_written, puppet, mistakes = dump.plain(data), None, []
+        candidate = data_as_written
         while puppet is None and candidate is not None:
             try:
-                puppet = handler(data if candidate is plain else candidate)
+                puppet = handler(data if candidate is data_as_written else candidate)
             except ValidationError as error:
                 mistakes += findings(cls, candidate, error, WORDS)
                 # A number out of range is replaced by one in range, so that the rest is checked.
                 candidate = mended(candidate, error)
-        if isinstance(plain, dict):
-            whole = valid_parts(cls, plain, located) if puppet is None else puppet
-            file_mistakes = check.findings(whole, plain)
+        if isinstance(data_as_written, dict):
+            valid_puppet = valid_parts(cls, data_as_written, located) if puppet is None else puppet
+            file_mistakes = check.findings(valid_puppet, data_as_written)
             if puppet is not None and not file_mistakes:
                 mistakes += check.massless_joints(puppet.bodies, puppet.mirror)
-                mistakes += check.twins(
+                mistakes += check.twin_findings(
                     puppet, dump.plain(puppet), lambda halves: puppet._with_halves(halves, located)
                 )
-            mistakes += [(data_path(plain, path)[0], text) for path, text in file_mistakes]
+            mistakes += [
+                (data_path(data_as_written, path)[0], text) for path, text in file_mistakes
+            ]
         if puppet is None or mistakes or located.mistakes:
             raise located.error(mistakes, PuppetError)
         lines = {name: located.line(path) for name, path in named_parts(puppet)}
-        known = {name: line for name, line in lines.items() if line is not None}
-        puppet._origin = Origin(located.file, located.folder, known)
+        known_lines = {name: line for name, line in lines.items() if line is not None}
+        puppet._origin = Origin(located.file, located.folder, known_lines)
         return puppet
 
     def _with_halves(self, halves: dict[str, Any], located: Located) -> Puppet:
         """The valid parts of both halves, without their shapes, and the obstacles of this one."""
-        whole = valid_parts(Puppet, halves, located)
-        return whole.model_copy(update={"obstacles": self.obstacles})
+        valid_puppet = valid_parts(Puppet, halves, located)
+        return valid_puppet.model_copy(update={"obstacles": self.obstacles})
 
     def __hash__(self) -> int:
         return hash((self.puppet, self.bodies, self.strings))
@@ -136,8 +138,10 @@ class Puppet(Document):
         data, _ = mirror.reflected(dump.plain(self))
         origin = self._origin
         puppet = Puppet.model_validate(data, context=Located(None, origin.file, origin.folder))
-        twins = {mirror.twin_name(n, self.mirror.from_, self.mirror.to): n for n in origin.lines}
-        lines = {twin: origin.lines[n] for twin, n in twins.items()} | origin.lines
+        original_of_twin = {
+            mirror.twin_name(name, self.mirror.from_, self.mirror.to): name for name in origin.lines
+        }
+        lines = {twin: origin.lines[name] for twin, name in original_of_twin.items()} | origin.lines
         puppet._origin = Origin(origin.file, origin.folder, lines)
         return puppet
 
@@ -154,11 +158,11 @@ class Puppet(Document):
         Raises:
             PuppetError: a value is out of range.
         """
-        plain = dump.plain(self)
-        for _, parameter in written.parameters(plain):
+        data = dump.plain(self)
+        for _, parameter in written.parameters(data):
             parameter["value"] = values.get(parameter["parameter"], parameter["value"])
         # The meshes stay in the same folder.
-        return Puppet.model_validate(plain, context=Located(folder=self._origin.folder))
+        return Puppet.model_validate(data, context=Located(folder=self._origin.folder))
 
     def with_chains(
         self,
@@ -184,15 +188,15 @@ class Puppet(Document):
                 pulleys), or a number is not allowed.
         """
         chain = {"pieces": pieces, "mass": mass, "stiffness": stiffness, "damping": damping}
-        plain = dump.plain(self)
-        plain["strings"] = chained(plain.get("strings", []), chain)
+        data = dump.plain(self)
+        data["strings"] = chained(data.get("strings", []), chain)
         origin = self._origin
-        names: dict[tuple[str | int, ...], str] = {
+        name_of_path: dict[tuple[str | int, ...], str] = {
             ("strings", i): string.name for i, string in enumerate(self.strings)
         }
-        lines = {path: origin.lines[n] for path, n in names.items() if n in origin.lines}
+        lines = {path: origin.lines[n] for path, n in name_of_path.items() if n in origin.lines}
         context = Located(None, origin.file, origin.folder, lines)
-        puppet = Puppet.model_validate(plain, context=context)
+        puppet = Puppet.model_validate(data, context=context)
         puppet._origin = origin
         return puppet
 
@@ -210,8 +214,8 @@ class Puppet(Document):
 
     def member_of(self, body: str) -> str:
         """Name of the scene's puppet or prop to which a body belongs; empty for a single puppet."""
-        first = body.partition(".")[0]
-        return first if first in (*self.members, *self.props) else ""
+        prefix = body.partition(".")[0]
+        return prefix if prefix in (*self.members, *self.props) else ""
 
     def owner_of(self, coordinate: str) -> str:
         """Name of the joint or string that has a coordinate or limit."""
@@ -232,14 +236,14 @@ class Puppet(Document):
         solids = [s for body in puppet.bodies for s in body.shapes]
         solids += puppet.obstacles if values else ()
         meshes = {s.file: s.digest() for s in solids if isinstance(s, Mesh)}
-        plain = dump.plain(puppet)
+        data = dump.plain(puppet)
         if not values:
-            for _, parameter in written.parameters(plain):
+            for _, parameter in written.parameters(data):
                 parameter["value"] = 0.0
-            plain["contact"] = puppet.touching is not None
+            data["contact"] = puppet.touching is not None
             for key in ("pose", "obstacles", "floor", "rig", "rigs"):
-                plain.pop(key, None)
-            shapes = (shape for body in plain["bodies"] for shape in body.get("shapes", ()))
-            for coloured in (*plain.get("strings", ()), *shapes):
-                coloured.pop("colour", None)
-        return dump.canonical(plain, meshes)
+                data.pop(key, None)
+            shapes = (shape for body in data["bodies"] for shape in body.get("shapes", ()))
+            for item in (*data.get("strings", ()), *shapes):
+                item.pop("colour", None)
+        return dump.canonical(data, meshes)

@@ -29,9 +29,9 @@ from fantoccini.base.documents import (
     Orientation,
     Origin,
     PartName,
-    mistake,
     shown,
     sized,
+    validation_error,
     value_of,
 )
 from fantoccini.model import meshes
@@ -43,7 +43,7 @@ MIN_MESH_VOLUME = 1e-15
 
 def _colour(text: str) -> str:
     if not re.fullmatch(r"#[0-9a-fA-F]{6}", text):
-        raise mistake(f"found {shown(text)}; needed: a colour like '#c08040', in quotes")
+        raise validation_error(f"found {shown(text)}; needed: a colour like '#c08040', in quotes")
     return text
 
 
@@ -64,7 +64,7 @@ class Shape(Model):
     @classmethod
     def _mass_or_density(cls, density: Any, info: ValidationInfo) -> Any:
         if density is not None and info.data.get("mass") is not None:
-            raise mistake("found mass and density; allowed: one of the two")
+            raise validation_error("found mass and density; allowed: one of the two")
         return density
 
 
@@ -142,7 +142,9 @@ class Mesh(Shape):
     @classmethod
     def _not_flat(cls, scale: tuple[float, ...]) -> tuple[float, ...]:
         if 0.0 in scale:
-            raise mistake("found a factor of zero; needed: three factors that are not zero")
+            raise validation_error(
+                "found a factor of zero; needed: three factors that are not zero"
+            )
         return scale
 
     @field_validator("file")
@@ -152,25 +154,33 @@ class Mesh(Shape):
         path = PurePosixPath(file)
         is_plain = file.isprintable() and "\\" not in file and ":" not in file and len(file) < 256
         if not is_plain or path.is_absolute() or ".." in path.parts or not path.parts:
-            raise mistake(f"found {shown(file)}; needed: a path inside the puppet file's folder")
+            raise validation_error(
+                f"found {shown(file)}; needed: a path inside the puppet file's folder"
+            )
         if path.suffix.lower() not in meshes.FORMATS:
-            raise mistake(f"found {shown(file)}; allowed: {', '.join(meshes.FORMATS)} files")
+            raise validation_error(
+                f"found {shown(file)}; allowed: {', '.join(meshes.FORMATS)} files"
+            )
         try:
             real_path = Path(os.path.realpath(folder / path))
             if not real_path.is_relative_to(os.path.realpath(folder)):
-                raise mistake(f"found {shown(file)}; it leads out of the puppet file's folder")
+                raise validation_error(
+                    f"found {shown(file)}; it leads out of the puppet file's folder"
+                )
             if not real_path.is_file():
-                raise mistake(f"found no file {shown(file)} in {folder}")
+                raise validation_error(f"found no file {shown(file)} in {folder}")
             size = real_path.stat().st_size
         except OSError as reason:
-            raise mistake(f"found {shown(file)}, which cannot be read: {reason}") from None
-        largest = meshes.LIMITS.max_bytes
-        if size > largest:
-            raise mistake(f"found {size / 1e6:.0f} MB; allowed: up to {largest / 1e6:.0f} MB")
+            raise validation_error(f"found {shown(file)}, which cannot be read: {reason}") from None
+        max_bytes = meshes.LIMITS.max_bytes
+        if size > max_bytes:
+            raise validation_error(
+                f"found {size / 1e6:.0f} MB; allowed: up to {max_bytes / 1e6:.0f} MB"
+            )
         try:
             meshes.read(folder / path, folder)
         except (OSError, ValueError) as reason:
-            raise mistake(f"{file} is not a mesh that can be read: {reason}") from None
+            raise validation_error(f"{file} is not a mesh that can be read: {reason}") from None
         return file
 
     def model_post_init(self, context: Any) -> None:
@@ -182,7 +192,7 @@ class Mesh(Shape):
         try:
             load_mesh(self)
         except (OSError, ValueError) as reason:
-            raise mistake(str(reason)) from None
+            raise validation_error(str(reason)) from None
         return self
 
     @property
@@ -196,9 +206,9 @@ class Mesh(Shape):
 
     def digest(self) -> str:
         """SHA-256 of the mesh file and the files to which it refers, in hexadecimal."""
-        (_, content), *others = self.contents().items()
+        (_, content), *linked = self.contents().items()
         total = hashlib.sha256(content)
-        for name, content in sorted(others):
+        for name, content in sorted(linked):
             total.update(f"\n{name}\n".encode() + hashlib.sha256(content).digest())
         return total.hexdigest()
 

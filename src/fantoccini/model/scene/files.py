@@ -21,7 +21,7 @@ def load(path: str | os.PathLike[str]) -> Puppet:
     Raises:
         PuppetError: every mistake, each with its file and line.
     """
-    return _puppet(read_document(path, *PUPPET_OR_SCENE))
+    return _as_puppet(read_document(path, *PUPPET_OR_SCENE))
 
 
 def loads(text: str | bytes, name: str = "<string>", folder: Path | None = None) -> Puppet:
@@ -35,7 +35,7 @@ def loads(text: str | bytes, name: str = "<string>", folder: Path | None = None)
     Raises:
         PuppetError: every mistake, each with its file and line.
     """
-    return _puppet(parse_document(text, *PUPPET_OR_SCENE, name=name, folder=folder))
+    return _as_puppet(parse_document(text, *PUPPET_OR_SCENE, name=name, folder=folder))
 
 
 def json_schema() -> dict[str, Any]:
@@ -43,5 +43,5 @@ def json_schema() -> dict[str, Any]:
     return document_schema(Scene)
 
 
-def _puppet(read: Puppet | Scene) -> Puppet:
-    return assembled(read) if isinstance(read, Scene) else read
+def _as_puppet(puppet_or_scene: Puppet | Scene) -> Puppet:
+    return assembled(puppet_or_scene) if isinstance(puppet_or_scene, Scene) else puppet_or_scene

@@ -18,8 +18,8 @@ from fantoccini.base.documents import (
     Path,
     Real,
     entries,
-    mistake,
-    refuse,
+    raise_if_any,
+    validation_error,
     value_of,
 )
 from fantoccini.model.puppet import (
@@ -90,7 +90,9 @@ class Prop(Model):
     def _has_mass(self) -> Prop:
         shapes_have_mass = any(map(has_mass, self.shapes))
         if not (shapes_have_mass if self.mass is None else value_of(self.mass) > 0):
-            raise mistake("this prop has no mass; give it a mass, or give one of its shapes a mass")
+            raise validation_error(
+                "this prop has no mass; give it a mass, or give one of its shapes a mass"
+            )
         return self
 
 
@@ -122,7 +124,7 @@ class Scene(Document):
     def _names_differ(self) -> Scene:
         uses = Counter(name for _, name in self.names())
         world = {"world": "found 'world', which is the name of the world itself"}
-        refuse(
+        raise_if_any(
             (
                 path,
                 world.get(

@@ -36,7 +36,11 @@ def mass_link(name: str, mass: Number, n_masses: int) -> Link:
 
 
 def placed(
-    tree: Tree, q_D: np.ndarray, q_K: np.ndarray, number: Value, given: frozenset[str] = frozenset()
+    tree: Tree,
+    q_D: np.ndarray,
+    q_K: np.ndarray,
+    number: Value,
+    given_names: frozenset[str] = frozenset(),
 ) -> tuple[np.ndarray, np.ndarray]:
     """A configuration with the masses of chains placed between the strings' ends.
 
@@ -48,7 +52,8 @@ def placed(
         q_D: (n_qD,) configuration; entries of the chains' masses are ignored.
         q_K: (n_qK,) configuration; a driven length of nan becomes the distance between its ends.
         number: function that evaluates a Number of the puppet (a constant or a parameter).
-        given: names of coordinates set by the user; masses with any of them keep their position.
+        given_names: names of coordinates set by the user; masses with any of them keep their
+            position.
 
     Returns:
         q_D (n_qD,), q_K (n_qK,).
@@ -61,11 +66,11 @@ def placed(
         start, end = (point_position(poses, chain.points[k], number)[0] for k in (0, -1))
         chain.set_unknown_length(float(np.linalg.norm(end - start)), q_D, q_K)
         line = _line(start, end, float(chain.unstretched_length(q_D, q_K, number)), chain.pieces)
-        for point, at in zip(chain.points[1:-1], line, strict=True):
+        for point, position in zip(chain.points[1:-1], line, strict=True):
             q_slice = tree.links[point.link].q
             names = tree.coordinates.q_D[q_slice]
-            if not given.intersection(names):
-                q_D[q_slice] = at
+            if not given_names.intersection(names):
+                q_D[q_slice] = position
     return q_D, q_K
 
 
@@ -77,8 +82,8 @@ def _line(start: np.ndarray, end: np.ndarray, length: float, pieces: int) -> np.
     depth = 0.5 * np.sqrt(max(length**2 - distance**2, 0.0))
     down = np.array([0.0, 0.0, -1.0])
     if distance > 0.0:
-        along = start_to_end / distance
-        down = down - (down @ along) * along
+        direction = start_to_end / distance
+        down = down - (down @ direction) * direction
         if np.linalg.norm(down) < 1e-6:  # a vertical string sags to one side
             down = np.array([1.0, 0.0, 0.0])
         down = down / np.linalg.norm(down)

@@ -80,7 +80,7 @@ class _TreeBuilder:
         return index
 
     def add_limits(self, joint: Joint, name: str, link: int) -> None:
-        def add(
+        def add_limit(
             side: str,
             bound: float | None,
             a: tuple[float, ...] | None = None,
@@ -91,14 +91,14 @@ class _TreeBuilder:
                 self.limits.append(LimitRow(f"{name}.{side}", link, side, bound, *axes))
 
         if joint.limits:
-            add("lower", joint.limits.lower)
-            add("upper", joint.limits.upper)
+            add_limit("lower", joint.limits.lower)
+            add_limit("upper", joint.limits.upper)
         if joint.cone:
-            add("cone", joint.cone.max, joint.cone.axis, joint.cone.body_axis)
+            add_limit("cone", joint.cone.max, joint.cone.axis, joint.cone.body_axis)
         if joint.twist:
             b = joint.twist.axis or (joint.cone.body_axis if joint.cone else None)
-            add("twist.lower", joint.twist.lower, None, b)
-            add("twist.upper", joint.twist.upper, None, b)
+            add_limit("twist.lower", joint.twist.lower, None, b)
+            add_limit("twist.upper", joint.twist.upper, None, b)
 
     def add_string(self, string: String, link_of: dict[str, int], pose: Pose) -> None:
         points = tuple(

@@ -91,10 +91,10 @@ class CoordinateTable:
         return f"<CoordinateTable: {self.n_qD} dynamic, {self.n_qK} driven: {shown}>"
 
     @cached_property
-    def places_K(self) -> tuple[np.ndarray, np.ndarray]:
+    def scalar_indices_K(self) -> tuple[np.ndarray, np.ndarray]:
         """``scalars_K`` as two arrays: places in q_K and in v_K."""
-        places = np.array(self.scalars_K, dtype=np.intp).reshape(-1, 2)
-        return places[:, 0], places[:, 1]
+        index_pairs = np.array(self.scalars_K, dtype=np.intp).reshape(-1, 2)
+        return index_pairs[:, 0], index_pairs[:, 1]
 
     @property
     def n_qD(self) -> int:

@@ -26,7 +26,9 @@ def link_inertia(link: Link, number: Value) -> tuple[float, np.ndarray, np.ndarr
     if m > 0:
         com = sum(k * share.unit.com for k, share in zip(masses, link.mass_shares, strict=True)) / m
         for k, share in zip(masses, link.mass_shares, strict=True):
-            about_com = about_com + k * (share.unit.inertia + _point(share.unit.com - com))
+            about_com = about_com + k * (
+                share.unit.inertia + _unit_mass_inertia(share.unit.com - com)
+            )
     if link.mass is not None:
         about_com = about_com * (number(link.mass) / m if m > 0 else 0.0)
         m = number(link.mass)
@@ -62,27 +64,27 @@ def joint_inertias(
             rotors[link.v] = number(link.armature)
     for drive in tree.drives:
         rotors[drive.v] = drive.inertia(number)
-    held, free = np.zeros((len(tree.links), 6, 6)), np.zeros((len(tree.links), 6, 6))
+    locked, unlocked = np.zeros((len(tree.links), 6, 6)), np.zeros((len(tree.links), 6, 6))
     for i in reversed(range(len(tree.links))):
         link, pose = tree.links[i], poses[i]
-        own = _about_origin(*link_inertia(link, number), pose[:, :3])
-        held[i] += own
-        free[i] += own
+        spatial_inertia = _about_origin(*link_inertia(link, number), pose[:, :3])
+        locked[i] += spatial_inertia
+        unlocked[i] += spatial_inertia
         if link.role is Role.DYNAMIC:
-            up = np.eye(3) if link.parent == WORLD else poses[link.parent][:, :3]
-            S = _motions(link, pose[:, :3], up @ link.rotation)
+            R_parent = np.eye(3) if link.parent == WORLD else poses[link.parent][:, :3]
+            S = _motions(link, pose[:, :3], R_parent @ link.rotation)
             rotor = np.diag(rotors[link.v])
-            D = S.T @ free[i] @ S + rotor
-            yield i, S.T @ held[i] @ S + rotor, D
-            F = free[i] @ S
-            free[i] -= F @ np.linalg.pinv(D, hermitian=True) @ F.T
+            D = S.T @ unlocked[i] @ S + rotor
+            yield i, S.T @ locked[i] @ S + rotor, D
+            F = unlocked[i] @ S
+            unlocked[i] -= F @ np.linalg.pinv(D, hermitian=True) @ F.T
         if link.parent != WORLD:
-            away = pose[:, 3] - poses[link.parent][:, 3]
-            held[link.parent] += _shifted(held[i], away)
-            free[link.parent] += _shifted(free[i], away)
+            offset = pose[:, 3] - poses[link.parent][:, 3]
+            locked[link.parent] += _about_new_origin(locked[i], offset)
+            unlocked[link.parent] += _about_new_origin(unlocked[i], offset)
 
 
-def _point(r: np.ndarray) -> np.ndarray:
+def _unit_mass_inertia(r: np.ndarray) -> np.ndarray:
     """r.r 1 - r r^T: inertia about the origin of a unit mass at r."""
     return r @ r * np.eye(3) - np.outer(r, r)
 
@@ -90,11 +92,11 @@ def _point(r: np.ndarray) -> np.ndarray:
 def _about_origin(m: float, com: np.ndarray, inertia: np.ndarray, R: np.ndarray) -> np.ndarray:
     """(6, 6) inertia about a link's origin in the world's axes; rotation first."""
     c = R @ com
-    turning = R @ inertia @ R.T + m * _point(c)
-    return np.block([[turning, m * rotation.skew(c)], [m * rotation.skew(c).T, m * np.eye(3)]])
+    rotational = R @ inertia @ R.T + m * _unit_mass_inertia(c)
+    return np.block([[rotational, m * rotation.skew(c)], [m * rotation.skew(c).T, m * np.eye(3)]])
 
 
-def _shifted(inertia: np.ndarray, r: np.ndarray) -> np.ndarray:
+def _about_new_origin(inertia: np.ndarray, r: np.ndarray) -> np.ndarray:
     """(6, 6) inertia about a new origin; r points from it to the old one."""
     X = np.eye(6)
     X[3:, :3] = -rotation.skew(r)

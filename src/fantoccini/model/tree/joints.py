@@ -33,8 +33,8 @@ def suffixes(kind: str, axes: tuple[str, ...] = ()) -> tuple[tuple[str, ...], tu
     if kind == "length":
         return (".length",), (".length",)
     scalars = {"revolute": ("",), "prismatic": ("",), "free": suffixes("translation", AXES)[0]}
-    first, turns = scalars.get(kind, ()), kind in ("ball", "free")
-    return first + _QUATERNION * turns, first + _ANGULAR_VELOCITY * turns
+    scalar_names, can_rotate = scalars.get(kind, ()), kind in ("ball", "free")
+    return scalar_names + _QUATERNION * can_rotate, scalar_names + _ANGULAR_VELOCITY * can_rotate
 
 
 class Table:
@@ -43,7 +43,7 @@ class Table:
     def __init__(self) -> None:
         self.rows: list[Coordinate] = []
         self.names: dict[tuple[Role, str], list[str]] = {
-            (role, what): [] for role in (Role.DYNAMIC, Role.DRIVEN) for what in "qv"
+            (role, letter): [] for role in (Role.DYNAMIC, Role.DRIVEN) for letter in "qv"
         }
         self.start: dict[Role, list[float]] = {Role.DYNAMIC: [], Role.DRIVEN: []}
         self.quaternions: dict[Role, list[tuple[int, int]]] = {Role.DYNAMIC: [], Role.DRIVEN: []}
@@ -128,12 +128,12 @@ class Joints:
     drives: list[DriveRow] = field(default_factory=list)
     motors: dict[str, Drive] = field(default_factory=dict)
 
-    def body(self, last: Link, joint: Joint, start: dict[str, float]) -> int:
+    def body(self, last_link: Link, joint: Joint, start: dict[str, float]) -> int:
         """Adds the links of a body's joint.
 
         Args:
-            last: link of the body, without the fields that depend on the joint; it is the last of
-                the joint's links.
+            last_link: link of the body, without the fields that depend on the joint; it is the
+                last of the joint's links.
             joint: joint of the file.
             start: suffix -> value of q in the file's pose.
 
@@ -141,10 +141,14 @@ class Joints:
             Index of the body's link.
         """
         rotation = np.eye(3) if joint.orientation is None else joint.orientation.matrix
-        offset, parent = joint.at, last.parent
-        parts = list(self._parts(last.joint, joint.type, joint.axes or (), joint.driven))
+        offset, parent = joint.at, last_link.parent
+        parts = list(self._split_joint(last_link.joint, joint.type, joint.axes or (), joint.driven))
         for n, (kind, axes, role) in enumerate(parts, 1):
-            link = last if n == len(parts) else carriage(f"{last.name}.carriage{n}", last.joint)
+            link = (
+                last_link
+                if n == len(parts)
+                else carriage(f"{last_link.name}.carriage{n}", last_link.joint)
+            )
             link = replace(
                 link,
                 parent=parent,
@@ -152,19 +156,23 @@ class Joints:
                 role=role,
                 rotation=rotation,
                 offset=offset,
-                axes=columns(axes, joint.axis),
+                axes=unit_columns(axes, joint.axis),
             )
             parent = self.add(link, kind, axes, start)
             rotation, offset = np.eye(3), (0.0, 0.0, 0.0)
         return parent
 
     def end(
-        self, string: str, parent: int, axes: tuple[str, ...], at: tuple[Number, Number, Number]
+        self,
+        string: str,
+        parent: int,
+        axes: tuple[str, ...],
+        position: tuple[Number, Number, Number],
     ) -> int:
         """Adds a massless body on driven axes at a string's end; returns its index."""
-        start = {f".{a}": value_of(x) for a, x in zip(AXES, at, strict=True)}
-        x, y, z = (0.0 if a in axes else x for a, x in zip(AXES, at, strict=True))
-        parts = list(self._parts(string, "translation", axes, True))
+        start = {f".{a}": value_of(x) for a, x in zip(AXES, position, strict=True)}
+        x, y, z = (0.0 if a in axes else x for a, x in zip(AXES, position, strict=True))
+        parts = list(self._split_joint(string, "translation", axes, True))
         for n, (kind, part_axes, role) in enumerate(parts, 1):
             name = f"{string}.end" if n == len(parts) else f"{string}.carriage{n}"
             link = replace(
@@ -173,7 +181,7 @@ class Joints:
                 kind=kind,
                 role=role,
                 offset=(x, y, z),
-                axes=columns(part_axes, None),
+                axes=unit_columns(part_axes, None),
             )
             parent = self.add(link, kind, part_axes, start)
             x = y = z = 0.0
@@ -213,11 +221,11 @@ class Joints:
         if kind in ("revolute", "prismatic") and link.role is Role.DRIVEN:
             self.table.axes[link.joint] = axis
         has_position = link.role is Role.DRIVEN or kind in ("free", "translation")
-        is_carried = has_position and self._moves(link.parent, link.joint)
+        is_carried = has_position and self._is_moved_by_others(link.parent, link.joint)
         if is_carried:
             self.table.carried[link.joint] = None
-        for name, own_q, own_v in _driveable(names):
-            n_q, n_v = len(own_q), len(own_v)
+        for name, drive_q, drive_v in _drivable_coordinates(names):
+            n_q, n_v = len(drive_q), len(drive_v)
             slices = slice(next_q, next_q + n_q), slice(next_v, next_v + n_v)
             next_q, next_v = next_q + n_q, next_v + n_v
             drive = self.motors.get(link.joint + name) if link.role is Role.DYNAMIC else None
@@ -226,8 +234,8 @@ class Joints:
             command, command_name = None, ""
             if drive.follows:
                 owner = link.joint + COMMAND
-                own_start = [values[s] for s in own_q]
-                q_K, v_K = self.table.add(owner, kind, Role.DRIVEN, own_q, own_v, own_start)
+                drive_start = [values[s] for s in drive_q]
+                q_K, v_K = self.table.add(owner, kind, Role.DRIVEN, drive_q, drive_v, drive_start)
                 command, command_name = (q_K.start, v_K.start), owner + name
                 self.table.commands[link.joint + name] = command_name
                 if is_carried:
@@ -238,7 +246,7 @@ class Joints:
             self.drives.append(row)
         return index
 
-    def _moves(self, i: int, joint: str) -> bool:
+    def _is_moved_by_others(self, i: int, joint: str) -> bool:
         """Whether joints other than a given one move a link."""
         while i != WORLD:
             if self.links[i].role is not Role.FIXED and self.links[i].joint != joint:
@@ -246,30 +254,32 @@ class Joints:
             i = self.links[i].parent
         return False
 
-    def _parts(
+    def _split_joint(
         self, name: str, kind: str, axes: tuple[str, ...], driven: bool
     ) -> Iterator[tuple[str, tuple[str, ...], Role]]:
         """Kind, axes and role of the joints into which a joint is split."""
         if not driven:
             yield kind, axes, Role.FIXED if kind == "fixed" else Role.DYNAMIC
             return
-        with_drive = [s for s, _, _ in _driveable(suffixes(kind, axes)) if name + s in self.motors]
+        with_drive = [
+            s for s, _, _ in _drivable_coordinates(suffixes(kind, axes)) if name + s in self.motors
+        ]
         if kind == "free" and with_drive:
-            yield from self._parts(name, "translation", AXES, True)
-            yield from self._parts(name, "ball", (), True)
+            yield from self._split_joint(name, "translation", AXES, True)
+            yield from self._split_joint(name, "ball", (), True)
             return
         if kind != "translation":
             yield kind, axes, Role.DYNAMIC if with_drive else Role.DRIVEN
             return
-        by_hand = tuple(a for a in axes if f".{a}" not in with_drive)
-        by_motor = tuple(a for a in axes if f".{a}" in with_drive)
-        if by_hand:
-            yield kind, by_hand, Role.DRIVEN
-        if by_motor:
-            yield kind, by_motor, Role.DYNAMIC
+        hand_axes = tuple(a for a in axes if f".{a}" not in with_drive)
+        motor_axes = tuple(a for a in axes if f".{a}" in with_drive)
+        if hand_axes:
+            yield kind, hand_axes, Role.DRIVEN
+        if motor_axes:
+            yield kind, motor_axes, Role.DYNAMIC
 
-    def _role(self, name: str, own: tuple[str, ...]) -> Role:
-        return Role.DYNAMIC if any(name + s in self.motors for s in own) else Role.DRIVEN
+    def _role(self, name: str, name_suffixes: tuple[str, ...]) -> Role:
+        return Role.DYNAMIC if any(name + s in self.motors for s in name_suffixes) else Role.DRIVEN
 
 
 def carriage(name: str, joint: str) -> Link:
@@ -289,14 +299,14 @@ def carriage(name: str, joint: str) -> Link:
     )
 
 
-def columns(axes: tuple[str, ...], axis: tuple[float, float, float] | None) -> np.ndarray:
+def unit_columns(axes: tuple[str, ...], axis: tuple[float, float, float] | None) -> np.ndarray:
     """(3, k) unit columns: the axes of a translation, or a joint's one axis."""
     if axis is not None:
         return np.array(axis)[:, None]
     return np.eye(3)[:, [AXES.index(a) for a in axes]]
 
 
-def _driveable(
+def _drivable_coordinates(
     names: tuple[tuple[str, ...], tuple[str, ...]],
 ) -> Iterator[tuple[str, tuple[str, ...], tuple[str, ...]]]:
     """Suffix of each coordinate that a drive can move, and suffixes of its entries in q and v."""

@@ -29,27 +29,27 @@ def link_poses(
         (T, n_links, 3, 4).
     """
     n = max(len(q_D), len(q_K))
-    out = np.zeros((n, len(links), 3, 4))
+    poses = np.zeros((n, len(links), 3, 4))
     for k, link in enumerate(links):
         q = (q_D if link.role is Role.DYNAMIC else q_K)[:, link.q]
-        up = np.broadcast_to(np.eye(3, 4), (n, 3, 4))
+        parent_pose = np.broadcast_to(np.eye(3, 4), (n, 3, 4))
         if link.parent != WORLD:
-            up = out[:, link.parent]
-        R, r = _joint(link, q)
-        to_joint = up[:, :, :3] @ link.rotation
+            parent_pose = poses[:, link.parent]
+        R, r = _joint_transforms(link, q)
+        to_joint = parent_pose[:, :, :3] @ link.rotation
         offset = _numbers(link.offset, number)
-        out[:, k, :, :3] = to_joint @ R
-        out[:, k, :, 3] = (to_joint @ r[:, :, None])[..., 0] + up[:, :, :3] @ offset
-        out[:, k, :, 3] += up[:, :, 3]
-    return out
+        poses[:, k, :, :3] = to_joint @ R
+        poses[:, k, :, 3] = (to_joint @ r[:, :, None])[..., 0] + parent_pose[:, :, :3] @ offset
+        poses[:, k, :, 3] += parent_pose[:, :, 3]
+    return poses
 
 
 def point_position(poses: np.ndarray, point: Point, number: Value) -> np.ndarray:
     """(T, 3) position of a point [m], from (T, n_links, 3, 4) poses of the links."""
-    at = _numbers(point.at, number)
+    local_position = _numbers(point.at, number)
     if point.link == WORLD:
-        return np.tile(at, (len(poses), 1))
-    return poses[:, point.link, :, :3] @ at + poses[:, point.link, :, 3]
+        return np.tile(local_position, (len(poses), 1))
+    return poses[:, point.link, :, :3] @ local_position + poses[:, point.link, :, 3]
 
 
 def _numbers(numbers: tuple[Number, ...], number: Value) -> np.ndarray:
@@ -81,7 +81,7 @@ def joint_transform(
     return R, r
 
 
-def _joint(link: Link, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _joint_transforms(link: Link, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Rotation (T, 3, 3) and translation (T, 3) of a joint's motion at q (T, n)."""
     if link.kind in ("ball", "free"):
         unit = q[:, -4:] / np.linalg.norm(q[:, -4:], axis=1, keepdims=True)

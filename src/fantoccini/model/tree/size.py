@@ -18,7 +18,7 @@ class Size:
     """Size of a puppet in its start pose.
 
     Attributes:
-        low, high: (3,) corners of the box around the moving bodies [m], along the world's axes.
+        lower, upper: (3,) corners of the box around the moving bodies [m], along the world's axes.
         mass: mass of the moving bodies [kg].
         hanging_height: height of the strings' highest support above the lowest point of the moving
             bodies [m]; None if no string has a support.
@@ -28,8 +28,8 @@ class Size:
         poses: (n_links, 3, 4) poses of the links.
     """
 
-    low: np.ndarray
-    high: np.ndarray
+    lower: np.ndarray
+    upper: np.ndarray
     mass: float
     hanging_height: float | None
     bodies: np.ndarray
@@ -39,7 +39,7 @@ class Size:
     @property
     def lengths(self) -> np.ndarray:
         """(3,) lengths of the box around the moving bodies [m]."""
-        return self.high - self.low
+        return self.upper - self.lower
 
 
 def measure(tree: Tree, number: Value) -> Size:
@@ -52,29 +52,31 @@ def measure(tree: Tree, number: Value) -> Size:
     table = tree.coordinates
     q_D, q_K = np.nan_to_num(table.start_D)[None], np.nan_to_num(table.start_K)[None]
     poses = link_poses(tree.links, q_D, q_K, number)
-    n, own = len(tree.links), np.eye(3, 4)
-    moving = [any(tree.links[j].role is Role.DYNAMIC for j in tree.ancestors(i)) for i in range(n)]
+    n, identity = len(tree.links), np.eye(3, 4)
+    is_moving = [
+        any(tree.links[j].role is Role.DYNAMIC for j in tree.ancestors(i)) for i in range(n)
+    ]
     bodies, masses, corners = np.full((n, 3), np.nan), np.zeros(n), []
     for i, link in enumerate(tree.links):
         masses[i], com, _ = link_inertia(link, number)
         if link.shapes:
-            boxes = np.array([shape_box(shape, own) for shape in link.shapes])
+            boxes = np.array([shape_box(shape, identity) for shape in link.shapes])
             bodies[i] = boxes[:, 1].max(axis=0) - boxes[:, 0].min(axis=0)
-        if moving[i] or not any(moving):
+        if is_moving[i] or not any(is_moving):
             corners += [c for shape in link.shapes for c in shape_box(shape, poses[0, i])]
             if masses[i] > 0:
                 corners.append(poses[0, i, :, :3] @ com + poses[0, i, :, 3])
-    spread = np.array(corners or [np.zeros(3)])
-    low, high = spread.min(axis=0), spread.max(axis=0)
-    tops = [
+    all_corners = np.array(corners or [np.zeros(3)])
+    lower, upper = all_corners.min(axis=0), all_corners.max(axis=0)
+    suspension_heights = [
         point_position(poses, point, number)[0, 2]
         for string in (*tree.strings, *tree.chains)
         for point in (string.points[0], string.points[-1])
-        if point.link == WORLD or not moving[point.link]
+        if point.link == WORLD or not is_moving[point.link]
     ]
-    height = float(max(tops) - low[2]) if tops else None
-    total = float(sum(m for m, moves in zip(masses, moving, strict=True) if moves))
-    return Size(low, high, total, height, bodies, masses, poses[0])
+    hanging_height = float(max(suspension_heights) - lower[2]) if suspension_heights else None
+    moving_mass = float(sum(m for m, does_move in zip(masses, is_moving, strict=True) if does_move))
+    return Size(lower, upper, moving_mass, hanging_height, bodies, masses, poses[0])
 
 
 def path_lengths(tree: Tree, poses: np.ndarray, number: Value) -> dict[str, float]:
@@ -89,8 +91,8 @@ def path_lengths(tree: Tree, poses: np.ndarray, number: Value) -> dict[str, floa
     for string in (*tree.strings, *tree.chains):
         ends = (string.points[0], string.points[-1])
         points = string.points if isinstance(string, StringRow) else ends
-        at = np.array([point_position(poses[None], point, number)[0] for point in points])
-        lengths[string.name] = float(np.linalg.norm(np.diff(at, axis=0), axis=1).sum())
+        positions = np.array([point_position(poses[None], point, number)[0] for point in points])
+        lengths[string.name] = float(np.linalg.norm(np.diff(positions, axis=0), axis=1).sum())
     return lengths
 
 
@@ -103,8 +105,8 @@ def shape_box(shape: Shape, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """
     R, r = pose[:, :3], pose[:, 3]
     if isinstance(shape, Mesh):
-        at = np.asarray(load_mesh(shape).vertices) @ R.T + r
-        return at.min(axis=0), at.max(axis=0)
+        vertices = np.asarray(load_mesh(shape).vertices) @ R.T + r
+        return vertices.min(axis=0), vertices.max(axis=0)
     if isinstance(shape, Capsule):
         ends = np.array([shape.from_, shape.to]) @ R.T + r
         return ends.min(axis=0) - shape.radius, ends.max(axis=0) + shape.radius
@@ -113,9 +115,9 @@ def shape_box(shape: Shape, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     middle = R @ np.array(shape.at) + r
     if isinstance(shape, Sphere):
         return middle - shape.radius, middle + shape.radius
-    turn = R if shape.orientation is None else R @ shape.orientation.matrix
+    axes = R if shape.orientation is None else R @ shape.orientation.matrix
     if isinstance(shape, Box):
-        half = np.abs(turn) @ (0.5 * np.array(shape.size))
+        half_lengths = np.abs(axes) @ (0.5 * np.array(shape.size))
     else:
-        half = np.linalg.norm(turn * np.array(shape.radii), axis=1)
-    return middle - half, middle + half
+        half_lengths = np.linalg.norm(axes * np.array(shape.radii), axis=1)
+    return middle - half_lengths, middle + half_lengths

@@ -203,12 +203,12 @@ class DriveRow:
     drive: Drive
 
     @property
-    def steps(self) -> bool:
+    def has_stepper(self) -> bool:
         """Whether a stepper motor moves the coordinate."""
         return isinstance(self.drive.motor, StepperMotor)
 
     @property
-    def turns(self) -> bool:
+    def is_rotation(self) -> bool:
         """Whether the coordinate is an orientation."""
         return self.v.stop - self.v.start == 3
 
@@ -381,8 +381,10 @@ class Tree:
             return None
         if not rows or rows[0][0].name.endswith(".length"):
             return None
-        (first, (q, v)), (last, _) = rows[0], rows[-1]
-        return slice(q, q + last.q.stop - first.q.start), slice(v, v + last.v.stop - first.v.start)
+        (first_row, (q, v)), (last_row, _) = rows[0], rows[-1]
+        return slice(q, q + last_row.q.stop - first_row.q.start), slice(
+            v, v + last_row.v.stop - first_row.v.start
+        )
 
     def commanding_length(self, string: WithLength) -> tuple[int, int] | None:
         """Indices in (q_K, v_K) of a string's length if it is driven, or of its drive's command."""
@@ -401,15 +403,15 @@ class Tree:
             number: value of a number of the puppet.
         """
         q_D, q_K = np.asarray(q_D, dtype=float), np.asarray(q_K, dtype=float)
-        out = np.zeros((*q_K.shape[:-1], len(self.strings)))
+        lengths = np.zeros((*q_K.shape[:-1], len(self.strings)))
         for i, string in enumerate(self.strings):
-            out[..., i] = string.unstretched_length(q_D, q_K, number)
-        return out
+            lengths[..., i] = string.unstretched_length(q_D, q_K, number)
+        return lengths
 
     def ancestors(self, link: int) -> list[int]:
         """Indices of ``link`` and of all links between it and the world, nearest first."""
-        path = []
+        ancestors = []
         while link != WORLD:
-            path.append(link)
+            ancestors.append(link)
             link = self.links[link].parent
-        return path
+        return ancestors

@@ -95,7 +95,7 @@ def _changes(
 def _merge_sides(
     run_before: Trajectory, run_after: Trajectory, is_before_impact: Array
 ) -> Trajectory:
-    """Run with the samples of `run_before` where `is_before_impact` is true, and those of `run_after` elsewhere."""
+    """Run with samples of `run_before` where `is_before_impact`, otherwise of `run_after`."""
     mask = is_before_impact[:, None]
     changes = {
         name: np.where(mask, getattr(run_before, name), getattr(run_after, name))

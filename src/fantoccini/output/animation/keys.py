@@ -63,7 +63,7 @@ class Keys:
         return _evaluate_cubics(curve, a, b, t)
 
     def refined(self, curve: Curve, samples: Indices) -> Keys:
-        """The keys with another one in the middle of each span that contains a sample of `samples`."""
+        """The keys, with another one amid each span that contains one of the samples."""
         k = np.unique(np.searchsorted(self.before, samples, side="right") - 1)
         k = k[(k >= 0) & (k < len(self.before) - 1)]
         middle = (self.after[k] + self.before[k + 1]) // 2

@@ -10,7 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from fantoccini.base import Array, ExchangeError, MissingLibraryError, Mistake, nearest, rotation
+from fantoccini.base import (
+    Array,
+    ExchangeError,
+    MissingLibraryError,
+    Mistake,
+    did_you_mean,
+    rotation,
+)
 from fantoccini.output.exchange.draft import (
     Draft,
     body_data,
@@ -171,7 +178,8 @@ class _RobotConverter:
             for link_name in (joint.parent, joint.child):
                 if link_name not in links:
                     add_mistake(
-                        joint, f"no link is called {link_name!r}{nearest(str(link_name), links)}"
+                        joint,
+                        f"no link is called {link_name!r}{did_you_mean(str(link_name), links)}",
                     )
             if joint.child in joint_of:
                 add_mistake(

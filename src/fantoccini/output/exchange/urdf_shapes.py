@@ -9,7 +9,7 @@ from urllib.parse import unquote
 
 import numpy as np
 
-from fantoccini.base import MissingLibraryError, nearest, rotation
+from fantoccini.base import MissingLibraryError, did_you_mean, rotation
 from fantoccini.model import meshes
 from fantoccini.output.exchange import solids
 from fantoccini.output.exchange.draft import Draft, written_numbers
@@ -54,7 +54,7 @@ def add_shapes(
             material = materials.get(name)
             if name and material is None:
                 message = f"has a solid of the material {name[:100]!r}, which is not defined"
-                note(f"{message}{nearest(name, materials)}")
+                note(f"{message}{did_you_mean(name, materials)}")
         if material is not None and material.texture is not None:
             note(f"has the texture {str(material.texture.filename)[:100]!r}, left out")
         if material is not None and material.color is not None:

@@ -55,7 +55,7 @@ class UncompiledPuppet:
         )
         for span, string in zip(spans, strings, strict=True):
             string.set_unknown_length(span, q_D, q_K)
-        initial_state.put_commands(self.tree.drives, (), q_D, q_K)
+        initial_state.set_commands(self.tree.drives, (), q_D, q_K)
         taut = np.zeros(self.tree.n_rows, dtype=bool)
         lengths = self.string_lengths(q_D, q_K)[0]
         taut[: len(strings)] = spans >= lengths * (1.0 - 1e-3)

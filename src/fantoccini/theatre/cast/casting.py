@@ -96,14 +96,14 @@ def read_cast(file: PlayFile, places: Places, log: ScriptLog) -> Cast:
         FileError: the file has mistakes; all of them are listed, with their lines.
     """
     _check_names(file, log)
-    log.mistakes.refuse()
+    log.mistakes.raise_if_any()
     puppets = {name: _puppet(spec, ("cast", name), log) for name, spec in file.cast.items()}
     start_footings = {
         name: start_of(file, spec, ("cast", name), places, log) for name, spec in file.cast.items()
     }
     for name, mark in file.stage.marks.items():
         places.direction(mark.facing, ("stage", "marks", name, "facing"))
-    log.mistakes.refuse()
+    log.mistakes.raise_if_any()
     by_file_and_pose: dict[tuple[str, str], tuple[Marionette, State, Pose]] = {}
     players, members = dict[str, Player](), []
     for name, spec in file.cast.items():
@@ -134,13 +134,13 @@ def read_cast(file: PlayFile, places: Places, log: ScriptLog) -> Cast:
         # Only the stage has costumes, so that a file's own scene is compiled once.
         costumed = in_costume(puppet, spec.colours, ("cast", name, "colours"), log)
         members.append(Member(name=name, puppet=costumed, pose=pose))
-    log.mistakes.refuse()
+    log.mistakes.raise_if_any()
     _check_bodies(file, players, log)
-    log.mistakes.refuse()
+    log.mistakes.raise_if_any()
     marionettes = {name: player.marionette for name, player in players.items()}
     props = read_props(file, start_footings, marionettes, places, log)
     leashes = read_leashes(file, players, log)
-    log.mistakes.refuse()
+    log.mistakes.raise_if_any()
     stage = file.stage
     removed_prefix = f"{next(iter(players))}." if len(players) == 1 else ""
     contact_bodies = {name: player.bodies for name, player in players.items()}
@@ -161,7 +161,7 @@ def read_cast(file: PlayFile, places: Places, log: ScriptLog) -> Cast:
     except (PuppetError, FileError) as error:
         for mistake in error.mistakes:
             log.mistakes.add(("stage",), f"{mistake.key}: {mistake.message}")
-        log.mistakes.refuse()
+        log.mistakes.raise_if_any()
     prop_states = {name: prop.start for name, prop in props.items()}
     x0 = combined_start_state(stage_marionette, players, prop_states)
     check_leashes(file, stage_marionette, x0, log)

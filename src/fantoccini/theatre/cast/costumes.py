@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TypeVar
 
-from fantoccini.base import nearest
+from fantoccini.base import did_you_mean
 from fantoccini.model.puppet import Puppet, Shape, String
 from fantoccini.theatre.script import ScriptLog, Spot
 
@@ -37,7 +37,7 @@ def in_costume(puppet: Puppet, colours: Mapping[str, str], spot: Spot, log: Scri
                 f"found {key!r}; needed: one of the puppet's colours ({allowed}) or of its bodies"
             )
             log.mistakes.add(
-                (*spot, key), text + nearest(key, sorted(colours_of_puppet | body_names))
+                (*spot, key), text + did_you_mean(key, sorted(colours_of_puppet | body_names))
             )
 
     def recoloured(part: T, body: str = "") -> T:

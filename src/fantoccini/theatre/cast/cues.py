@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 
-from fantoccini.base import nearest
+from fantoccini.base import did_you_mean
 from fantoccini.base.documents import NAME
 from fantoccini.theatre.script import (
     END,
@@ -161,7 +161,7 @@ def _who(file: PlayFile, cue: PlayCue, spot: Spot, log: ScriptLog) -> tuple[str,
             names += all_players
         elif name not in all_players:
             log.mistakes.add(
-                (*spot, "who"), f"no player is called {name!r}{nearest(name, all_players)}"
+                (*spot, "who"), f"no player is called {name!r}{did_you_mean(name, all_players)}"
             )
         else:
             names.append(name)

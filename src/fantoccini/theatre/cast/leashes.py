@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from fantoccini.base import Array, StateError, nearest
+from fantoccini.base import Array, StateError, did_you_mean
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.model import BodyMap
 from fantoccini.model.puppet import Attachment, String
@@ -35,7 +35,7 @@ def read_leashes(
         for key, player_name in (("held by", leash.held_by), ("to", leash.to)):
             spot: Spot = ("leashes", name, key)
             if player_name not in players:
-                text = f"no player is called {player_name!r}{nearest(player_name, players)}"
+                text = f"no player is called {player_name!r}{did_you_mean(player_name, players)}"
                 log.mistakes.add(spot, text)
                 continue
             try:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from fantoccini.base import Array, nearest
+from fantoccini.base import Array, did_you_mean
 from fantoccini.base.documents import read_file, value_of
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.model.scene import Prop
@@ -132,7 +132,7 @@ def _prop(
     handle_height, seat_height = data.pop("handle", None), data.pop("seat", None)
     if entry.held_by is not None:
         if entry.held_by not in start_footings:
-            text = f"no player is called {entry.held_by!r}{nearest(entry.held_by, start_footings)}"
+            text = f"no player is called {entry.held_by!r}{did_you_mean(entry.held_by, start_footings)}"
             log.mistakes.add((*spot, "held by"), text)
             return None
         if handle_height is None:
@@ -192,7 +192,7 @@ def _description(name: str, entry: PropFile, spot: Spot, log: ScriptLog) -> dict
     else:
         kind = entry.like or name
         if kind not in prop_names():
-            text = f"no bundled prop is called {kind!r}{nearest(kind, prop_names())}"
+            text = f"no bundled prop is called {kind!r}{did_you_mean(kind, prop_names())}"
             log.mistakes.add(spot, f"{text}; needed: `like:` or `shapes:`")
             return None
         data = read_file(_FOLDER / f"{kind}.yaml").data
@@ -215,7 +215,9 @@ def _place(
         top_height, middle = obstacle_top(file, entry.on), places.midpoint(entry.on)
         if top_height is None:
             obstacle_names = [obstacle.name for obstacle in file.stage.obstacles]
-            text = f"found {entry.on!r}; needed: an obstacle{nearest(entry.on, obstacle_names)}"
+            text = (
+                f"found {entry.on!r}; needed: an obstacle{did_you_mean(entry.on, obstacle_names)}"
+            )
             log.mistakes.add((*spot, "on"), text)
             return None
         height = top_height
@@ -225,7 +227,7 @@ def _place(
     if isinstance(entry.at, str):
         mark = file.stage.marks.get(entry.at)
         if mark is None:
-            text = f"no mark is called {entry.at!r}{nearest(entry.at, file.stage.marks)}"
+            text = f"no mark is called {entry.at!r}{did_you_mean(entry.at, file.stage.marks)}"
             log.mistakes.add((*spot, "at"), text)
             return None
         x, y = mark.at

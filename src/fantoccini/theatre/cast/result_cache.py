@@ -57,7 +57,7 @@ NUMBERS_FORMAT: DiskFormat[Any] = DiskFormat(
 
 def run_format(marionette: Marionette) -> DiskFormat[Trajectory]:
     """Format of runs of a puppet."""
-    puppet, table = marionette.described, marionette.coordinates
+    puppet, table = marionette.current_puppet, marionette.coordinates
     return DiskFormat(pack_run, lambda arrays: unpack_run(arrays, puppet, table))
 
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from fantoccini.base import Array, nearest
+from fantoccini.base import Array, did_you_mean
 from fantoccini.theatre.cast.extents import bounding_box
 from fantoccini.theatre.cast.footing import Footing
 from fantoccini.theatre.script import DIRECTIONS, PlayerFile, PlayFile, ScriptLog, Spot
@@ -37,7 +37,7 @@ class Places:
         place_names = [*self._file.cast, *self.names]
         if isinstance(name, str) and name not in place_names:
             text = f"found {name!r}; needed: a place [x, y], or a mark, player or obstacle"
-            self._log.mistakes.add(spot, text + nearest(name, place_names))
+            self._log.mistakes.add(spot, text + did_you_mean(name, place_names))
 
     def midpoint(self, name: str) -> Array | None:
         """Midpoint (3,) of an obstacle [m]; None for other names."""
@@ -64,7 +64,9 @@ class Places:
             text = (
                 f"found {direction!r}; needed: an angle, a direction, or a mark, player or obstacle"
             )
-            self._log.mistakes.add(spot, text + nearest(direction, [*DIRECTIONS, *place_names]))
+            self._log.mistakes.add(
+                spot, text + did_you_mean(direction, [*DIRECTIONS, *place_names])
+            )
             return 0.0
         return direction
 
@@ -77,7 +79,7 @@ def start_of(
     if isinstance(spec.at, str):
         mark = file.stage.marks.get(spec.at)
         if mark is None:
-            text = f"no mark is called {spec.at!r}{nearest(spec.at, file.stage.marks)}"
+            text = f"no mark is called {spec.at!r}{did_you_mean(spec.at, file.stage.marks)}"
             log.mistakes.add((*spot, "at"), text)
             return Footing(0.0, 0.0)
         x, y = mark.at

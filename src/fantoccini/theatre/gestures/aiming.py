@@ -91,7 +91,7 @@ class Aim:
                 mistakes.add(
                     ("to",), f"found {target!r}; needed: three numbers, or the name of a body"
                 )
-        mistakes.refuse()
+        mistakes.raise_if_any()
         self.puppet, self.x0 = marionette, start
         if prefix or marionette.puppet.touching is not None:
             self.puppet = _puppet_without_contact(marionette, prefix)
@@ -123,7 +123,7 @@ class Aim:
             mistakes.add(
                 ("to",), f"is {distance:.3f} m away; needed: a place {_MIN_DISTANCE:g} m away"
             )
-        mistakes.refuse()
+        mistakes.raise_if_any()
         return offset / distance
 
 
@@ -173,7 +173,7 @@ def pointing_gesture(ends: Ends, aim: Aim, mistakes: Mistakes) -> Gesture:
         reason = str(error)
     if reason:
         mistakes.add(("to",), f"the {side} hand cannot point there: {reason}")
-    mistakes.refuse()
+    mistakes.raise_if_any()
     names = _driven_coordinates(puppet, strings)
     offsets = {name: float(pose.state[name] - ends.start[ends.prefix + name]) for name in names}
     largest_offset = max(map(abs, offsets.values()))

@@ -67,12 +67,12 @@ class _Compiler:
         }
         placed_lanes = place_lanes(lane_cues, file.marks, gestures.for_cue, bounds, log)
         gestures.read_all()
-        log.mistakes.refuse()
+        log.mistakes.raise_if_any()
         assert placed_lanes is not None  # otherwise there are mistakes
         captions = tuple(self._caption(placed_lanes, i) for i in range(len(file.captions)))
         waits = self._waits(placed_lanes)
         sounds = read_sounds(file.sound, partial(placed_lanes.time, log=log), log)
-        log.mistakes.refuse()
+        log.mistakes.raise_if_any()
         end = max(
             placed_lanes.hands.end,
             *(wait.t for wait in waits),
@@ -86,7 +86,7 @@ class _Compiler:
             raise log.located.error([(spot, str(error))], FileError) from None
         report_exceeded_bounds(gesture, bounds, placed_lanes.played, log)
         report_motion_at_waits(gesture, waits, placed_lanes.played, log)
-        log.mistakes.refuse()
+        log.mistakes.raise_if_any()
         named_times: list[tuple[Spot, float]] = [
             (("marks", name), t) for name, t in placed_lanes.marks.items()
         ]
@@ -136,7 +136,7 @@ class _Compiler:
                 except (UnknownNameError, ValueError) as error:
                     self._log.mistakes.add(spot, str(error))
             options[key] = bound
-        self._log.mistakes.refuse()
+        self._log.mistakes.raise_if_any()
         return motion_bounds(self._table, **options)
 
     def _moving_cue(self, placed_lanes: PlacedLanes, channel: str, t: float | None = None) -> Spot:

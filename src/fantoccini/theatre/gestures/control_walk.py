@@ -43,7 +43,7 @@ def walk_on_control(
     if total_turn != 0.0:
         text = f"found {np.degrees(total_turn):g} deg; needed: 0, since a control walks straight on"
         mistakes.add(("turn",), text)
-    mistakes.refuse()
+    mistakes.raise_if_any()
     t = _STEP_TIME * np.array([0.0, 0.5, n_steps - 0.5, n_steps])
     distance = step_length * np.array([0.0, _HALF_STEP_SHARE, n_steps - _HALF_STEP_SHARE, n_steps])
     if n_steps == 1:

@@ -174,7 +174,7 @@ class Gesture:
             raise ValueError("points is empty; a gesture moves something")
         table, mistakes = reading.table_of(table), Mistakes.of_inputs()
         offsets = moves.read_offsets(table, points, mistakes)
-        mistakes.refuse()
+        mistakes.raise_if_any()
         return cls.from_offsets(table, offsets, travels=travels, name=name, marks=marks)
 
     @classmethod
@@ -199,7 +199,7 @@ class Gesture:
             StateError: it travels, and a driven body ends turned.
         """
         channels = join_rotations(table, pieces.through_waypoints(table, offsets))
-        breaks, coef, _, named = pieces.assembled(table, channels, (0.0,))
+        breaks, coef, _, named = pieces.on_common_breaks(table, channels, (0.0,))
         coef[:, ~named] = 0.0
         gesture = cls(table, breaks, coef, named, np.zeros(table.n_vK), name, dict(marks or {}))
         return replace(gesture, travel=end_shift(table, gesture.ends[0][1])) if travels else gesture
@@ -295,7 +295,7 @@ class Gesture:
         mistakes = Mistakes.of_inputs()
         points = {name: [(0.0, offset)] for name, offset in shifts.items()}
         waypoints = moves.read_offsets(self.coordinates, points, mistakes)
-        mistakes.refuse()
+        mistakes.raise_if_any()
         coef, indices = np.array(self.coef), moves.scalar_indices(self.coordinates)
         for name, (_, offsets) in waypoints.items():
             coef[:, indices[name], 0] += offsets[0]

@@ -12,7 +12,7 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 from pydantic import Field, WithJsonSchema, model_validator
 
-from fantoccini.base import Array, FileError, Mistake, StateError, UnknownNameError, nearest
+from fantoccini.base import Array, FileError, Mistake, StateError, UnknownNameError, did_you_mean
 from fantoccini.base.documents import (
     ANGLES,
     LENGTHS,
@@ -28,11 +28,11 @@ from fantoccini.base.documents import (
     Place,
     document_schema,
     has_key,
-    mistake,
     quantity_schema,
+    raise_if_any,
     read_document,
-    refuse,
     unknown_names,
+    validation_error,
 )
 from fantoccini.control.optimal import ReachedPose, TargetKey, reach
 from fantoccini.control.tasks import Bounds
@@ -93,7 +93,7 @@ class KeyPoses(Model):
             if len(places) != len(self.at):
                 text = f"found {len(places)} places at {len(self.at)} times; needed: one at each"
                 findings.append((("points", body), text))
-        refuse(
+        raise_if_any(
             [*findings, *unknown_names(self.of, self.points, "{} is not among the points", ("of",))]
         )
         return self
@@ -137,18 +137,18 @@ class GestureFile(Document):
     @model_validator(mode="after")
     def _moves_something(self) -> GestureFile:
         if not self.parts and not self.moves and self.poses is None:
-            raise mistake("found neither parts, moves nor poses; needed: one of them")
+            raise validation_error("found neither parts, moves nor poses; needed: one of them")
         if self.parts and (self.moves or self.poses is not None):
-            raise mistake(
+            raise validation_error(
                 "found parts with moves or poses; allowed: parts, which any puppet may have, or "
                 "moves and poses, which name strings and bodies"
             )
         if self.on_control and not self.parts:
-            refuse([(("on_control",), "found without parts; needed: both, for all puppets")])
+            raise_if_any([(("on_control",), "found without parts; needed: both, for all puppets")])
         part_names, key = {name.rpartition(".")[0] for name in self.parts}, ("scaled_by",)
-        refuse(unknown_names(self.scaled_by, part_names, "{} is not among the parts", key))
+        raise_if_any(unknown_names(self.scaled_by, part_names, "{} is not among the parts", key))
         unsized = [part for part, kind in self.scaled_by.items() if kind not in self.sizes]
-        refuse(
+        raise_if_any(
             ((*key, part), "needed: a kind of part whose size is in `sizes`") for part in unsized
         )
         return self
@@ -232,7 +232,7 @@ def _gesture_of_file(
         if t > gesture.duration + SAME_TIME:
             text = f"found {t:g} s; the gesture ends at {gesture.duration:g} s"
             mistakes.add(("marks", mark), text)
-    mistakes.refuse()
+    mistakes.raise_if_any()
     return dataclasses.replace(gesture, marks=dict(file.marks))
 
 
@@ -243,9 +243,9 @@ def _gesture_of_strings(
     table, mistakes = reading.table_of(puppet), Mistakes(file.located, file.kind.error)
     prefixed = {prefix + name: points for name, points in file.moves.items()}
     offsets: dict[str, Points] = moves.read_offsets(table, prefixed, mistakes, ("moves",))
-    mistakes.found = [
+    mistakes.findings = [
         (tuple(key.removeprefix(prefix) if isinstance(key, str) else key for key in keys), text)
-        for keys, text in mistakes.found
+        for keys, text in mistakes.findings
     ]
     if file.poses is not None and not mistakes:
         pose_offsets = _pose_offsets(puppet, file, file.poses, start, offsets, prefix)
@@ -253,7 +253,7 @@ def _gesture_of_strings(
             if channel in offsets:
                 mistakes.add(("moves",), f"move {channel}, as the string of the poses does")
             offsets[channel] = points
-    mistakes.refuse()
+    mistakes.raise_if_any()
     return _gesture_through(file, table, offsets, _keys_of_moves(file, prefix))
 
 
@@ -335,9 +335,9 @@ def _gesture_of_parts(puppet: Table, file: GestureFile, prefix: str) -> Gesture:
         if channel in offsets and move.size_kind in file.sizes and is_length:
             t, values = offsets[channel]
             offsets[channel] = t, move.size / file.sizes[move.size_kind] * values
-    for (_, string, *rest), text in string_mistakes.found:
+    for (_, string, *rest), text in string_mistakes.findings:
         mistakes.add((key, parts[str(string)][0], *rest), text)
-    mistakes.refuse()
+    mistakes.raise_if_any()
     keys_by_name: dict[str, Keys] = {name: (key, part) for name, (part, _) in parts.items()}
     gesture = _gesture_through(file, table, offsets, keys_by_name)
     try:
@@ -403,8 +403,8 @@ def _pose_offsets(
     for i, string in enumerate(poses.strings):
         if prefix + string not in owners.values():
             text = f"no string with driven coordinates is called {string!r}"
-            mistakes.add(("poses", "strings", i), text + nearest(string, set(owners.values())))
-    mistakes.refuse()
+            mistakes.add(("poses", "strings", i), text + did_you_mean(string, set(owners.values())))
+    mistakes.raise_if_any()
     strings = {prefix + string for string in poses.strings}
     held_names = tuple(name for name in table.v_K if name.rsplit(".", 1)[0] not in strings)
     rest_positions: dict[TargetKey, Array] = {}
@@ -418,7 +418,7 @@ def _pose_offsets(
             continue
         rest_positions[prefix + body, point] = pose[:3, 3] + pose[:3, :3] @ np.array(point)
         offsets[prefix + body, point] = np.array(targets)
-    mistakes.refuse()
+    mistakes.raise_if_any()
     pose_offsets = {
         name: (np.array(poses.at), np.empty(len(poses.at)))
         for name in moves.scalar_indices(table)
@@ -452,7 +452,7 @@ def _pose_offsets(
         for name, v in moves.scalar_indices(table).items():
             if name in pose_offsets:
                 pose_offsets[name][1][i] = difference[v]
-    mistakes.refuse()
+    mistakes.raise_if_any()
     return pose_offsets
 
 

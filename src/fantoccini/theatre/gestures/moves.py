@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fantoccini.base import Array, MaskRows, StateError, UnknownNameError, nearest
+from fantoccini.base import Array, MaskRows, StateError, UnknownNameError, did_you_mean
 from fantoccini.base.documents import LENGTHS, Mistakes, Path, shown, without_unit
 from fantoccini.motion import Points, pieces, reading
 
@@ -290,7 +290,7 @@ def _unknown_name_text(name: str, channel: str, table: CoordinateTable) -> str:
         ),
     ]
     needed = "a driven coordinate, or a string or a driven body and a direction"
-    return f"is not {needed}{nearest(name, names)}"
+    return f"is not {needed}{did_you_mean(name, names)}"
 
 
 def not_driven(name: str, on_control: bool) -> str:

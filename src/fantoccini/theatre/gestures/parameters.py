@@ -48,7 +48,7 @@ class Parameters:
                 ]
                 text = f"{name} has no {field.name!r}; those with it: {', '.join(other_gestures)}"
                 mistakes.add((field.name,), text)
-        mistakes.refuse()
+        mistakes.raise_if_any()
 
 
 def member_prefix(table: CoordinateTable, member: str) -> str:

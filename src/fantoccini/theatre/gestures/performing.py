@@ -170,12 +170,14 @@ class Hands:
         added_pieces = [
             sequence.held_until(self.end).pieces_after(changed_from) for sequence in self.lanes
         ]
-        common_breaks = pieces.clock(
+        common_breaks = pieces.merged_times(
             [breaks[breaks > changed_from] for breaks, _ in added_pieces]
             + [np.array([changed_from])]
         )
         coef = [
-            piecewise.refine(pieces.snap(breaks, common_breaks), lane_coef, common_breaks)
+            piecewise.refine(
+                pieces.snapped_to_breaks(breaks, common_breaks), lane_coef, common_breaks
+            )
             for breaks, lane_coef in added_pieces
         ]
         check_turns(table, common_breaks, np.sum(coef, axis=0))

@@ -36,9 +36,9 @@ def refine(breaks: Times, coef: Array, fine_breaks: Times) -> Array:
 
 def add(first: tuple[Times, Array], second: tuple[Times, Array]) -> tuple[Times, Array]:
     """Sum of two motions on one clock."""
-    breaks = pieces.refined(first[0], [second[0]])
+    breaks = pieces.refined_breaks(first[0], [second[0]])
     return breaks, refine(*first, breaks) + refine(
-        pieces.snap(second[0], breaks), second[1], breaks
+        pieces.snapped_to_breaks(second[0], breaks), second[1], breaks
     )
 
 

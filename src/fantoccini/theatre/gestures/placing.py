@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fantoccini.base import Array, nearest
+from fantoccini.base import Array, did_you_mean
 from fantoccini.theatre.gestures.gesture import Gesture
 from fantoccini.theatre.gestures.joining import Motion, MotionSequence
 from fantoccini.theatre.gestures.performing import (
@@ -153,7 +153,7 @@ def _read_cues(
                 cue_gestures[spot] = single, repeated = cue_gesture
                 if entry.mark and entry.mark not in single.marks:
                     text = f"{single.name} has no mark {entry.mark!r}"
-                    log.mistakes.add((*spot, "on"), text + nearest(entry.mark, single.marks))
+                    log.mistakes.add((*spot, "on"), text + did_you_mean(entry.mark, single.marks))
                 name, marks = entry.name or single.name, tuple(repeated.marks)
             cue = Cue(spot, len(cues), 0, entry, (lane,), name, (*marks, START, END), previous)
             previous = (cue,)

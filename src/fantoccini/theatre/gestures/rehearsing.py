@@ -353,7 +353,7 @@ def _learnt_inputs(score: Score, x0: State, t: Times, learnt: Array) -> Input:
     """Input of the score with the learnt offsets."""
     gesture = _learnt_gesture(score, t, learnt)
     inputs = gesture.inputs(x0, speed=score.speed, acceleration=score.acceleration)
-    return inputs.called(score.name)
+    return inputs.with_name(score.name)
 
 
 def _simulate_learnt(score: Score, x0: State, t: Times, learnt: Array) -> tuple[Trajectory, Array]:

@@ -142,7 +142,7 @@ class Score:
     def inputs(self, x0: State) -> Input:
         """Motion of the hands from a state at rest; the score's time 0 is the state's time."""
         inputs = self.gesture.inputs(x0, speed=self.speed, acceleration=self.acceleration)
-        return inputs.called(self.name)
+        return inputs.with_name(self.name)
 
     def offsets(self, t: float) -> tuple[VecK, VecK]:
         """(n_vK,) offsets d(t) from the puppet's rest and (n_vK,) their rates.

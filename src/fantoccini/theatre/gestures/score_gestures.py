@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection
 from pathlib import Path
 
-from fantoccini.base import Array, FileError, InputError, StateError, UnknownNameError, nearest
+from fantoccini.base import Array, FileError, InputError, StateError, UnknownNameError, did_you_mean
 from fantoccini.base.documents import Located
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import State
@@ -106,7 +106,7 @@ class ScoreGestures:
                 self._log.mistakes.add((*spot, "gesture"), str(mistake))
         self._mistakes_of[name, member, parameters] = [
             (file_path[len(spot) :], text)
-            for file_path, text in self._log.mistakes.found[n_before:]
+            for file_path, text in self._log.mistakes.findings[n_before:]
         ]
         return self._gestures[name, member, parameters]
 
@@ -122,7 +122,7 @@ class ScoreGestures:
         if name in gesture_names():
             return bundled_gesture_path(name), True
         text = "no gesture file in this one's folder, and no bundled gesture, is called "
-        raise StateError(f"{text}{name!r}{nearest(name, gesture_names())}")
+        raise StateError(f"{text}{name!r}{did_you_mean(name, gesture_names())}")
 
     def _phrase(self, name: str, spot: Spot) -> Gesture | None:
         """A phrase as one gesture, from the puppet's rest; it ends at rest."""
@@ -131,7 +131,7 @@ class ScoreGestures:
             self._log.mistakes.add(spot, f"a phrase is part of itself: {cycle}")
             return None
         if name not in self._file.phrases:
-            text = f"no phrase is called {name!r}{nearest(name, self._file.phrases)}"
+            text = f"no phrase is called {name!r}{did_you_mean(name, self._file.phrases)}"
             self._log.mistakes.add(spot, text)
             return None
         if name in self._phrases:

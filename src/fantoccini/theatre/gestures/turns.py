@@ -121,7 +121,7 @@ def join_rotations(table: CoordinateTable, channels: Mapping[str, Channel]) -> d
         ]
         if not components:
             continue
-        breaks = pieces.clock([component.times for _, component in components])
+        breaks = pieces.merged_times([component.times for _, component in components])
         coef = np.zeros((len(breaks) - 1, 3, polynomial.N_COEF))
         end_coef = np.zeros((2, 3, polynomial.N_COEF))
         for i, component in components:

@@ -61,7 +61,7 @@ def walk(
     count, length, total_turn = walk_parameters(
         ends.body_parts, mistakes, step_count, step_length, turn
     )
-    mistakes.refuse()
+    mistakes.raise_if_any()
     return step_gesture(ends, [Step(length, total_turn / count)] * count).called("walk")
 
 

@@ -66,7 +66,7 @@ def save(fields: Mapping[str, Any], path: str | Path) -> None:
     samples = output.piece.samples
     stride = max(1, round(_SAMPLE_INTERVAL / fields["tick"]))
     indices = np.unique(np.append(np.arange(0, len(samples), stride), len(samples) - 1))
-    portable = PortablePuppet.of(marionette.puppet)
+    portable = PortablePuppet.from_puppet(marionette.puppet)
     metadata = {
         "format": FORMAT,
         "puppet": portable.text,

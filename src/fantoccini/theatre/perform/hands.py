@@ -265,7 +265,7 @@ class Hands:
     def displacement(self, q_K: ConfigK, target: ConfigK) -> VecK:
         """(n_vK,) tangent vector from one driven configuration to another."""
         table, vector = self.marionette.coordinates, np.zeros(len(self.group))
-        q, v = table.places_K
+        q, v = table.scalar_indices_K
         vector[v] = target[q] - q_K[q]
         for q_index, v_index in table.quaternions_K:
             quaternion = slice(q_index, q_index + 4)
@@ -300,7 +300,7 @@ class Hands:
     def with_offsets(self, q_K: ConfigK, d: VecK) -> ConfigK:
         """(n_qK,) driven configuration plus offsets (n_vK,), with lengths in their ranges."""
         table, shifted = self.marionette.coordinates, np.array(q_K)
-        q, v = table.places_K
+        q, v = table.scalar_indices_K
         shifted[q] += d[v]
         for q_index, v_index in table.quaternions_K:
             shifted[q_index : q_index + 4] = rotation.multiply(

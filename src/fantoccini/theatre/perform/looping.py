@@ -73,7 +73,7 @@ def return_motion(
 def difference(table: CoordinateTable, q_K: ConfigK, other_q_K: ConfigK) -> VecK:
     """(n_vK,) tangent vector from one driven configuration to another."""
     vector = np.zeros(table.n_vK)
-    q, v = table.places_K
+    q, v = table.scalar_indices_K
     vector[v] = other_q_K[q] - q_K[q]
     for q_index, v_index in table.quaternions_K:
         vector[v_index : v_index + 3] = rotation.between(

@@ -247,7 +247,7 @@ class Recording:
             samples, _, contacts = part.piece
             # Work and losses continue from those of the sample.
             for name in _ACCUMULATED_PARTS:
-                samples[:, layout.places[name]] += references.samples[index, layout.places[name]]
+                samples[:, layout.columns[name]] += references.samples[index, layout.columns[name]]
             if part.status is Status.DONE:
                 samples[-1] = references.samples[index + 1]
             if index:  # begins with the last sample of the part before

@@ -68,7 +68,7 @@ class TickRun:
         if contacts is None:
             return None
         points = contact_points(stepper.contacts, contacts.names)
-        return points.at(len(stepper.samples) - 1)
+        return points.at_sample(len(stepper.samples) - 1)
 
     def lagging(self) -> dict[str, list[str]]:
         """Reasons why handles and strings lag, by name."""

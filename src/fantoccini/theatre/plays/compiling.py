@@ -97,7 +97,7 @@ def load_play(
         script = replace(script, cast=with_settled_props(script.cast, cache))
     except StateError as error:
         script.log.mistakes.add(("props",), f"held props do not hang at rest: {error}")
-        script.log.mistakes.refuse()
+        script.log.mistakes.raise_if_any()
         raise
     context = CompileContext(script, WalkPlanner(script.cast, script.log), cache)
     report(Progress("rehearsing", _share(1), 1.0))

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from itertools import combinations
 
-from fantoccini.dynamics.clearance import Clearance, Path, StringsApart
+from fantoccini.dynamics.clearance import Clearance, Path, StringDistances
 from fantoccini.motion import Trajectory
 from fantoccini.theatre.cast import Cast
 from fantoccini.theatre.plays.touching import SAMPLE_STRIDE
@@ -48,7 +48,7 @@ def clearances(cast: Cast, run: Trajectory) -> tuple[OwnerClearance, ...]:
         cast: cast of the play.
         run: run of the stage, measured at every fourth sample, and in between as needed.
     """
-    path = Path.of(cast.marionette, run, SAMPLE_STRIDE)
+    path = Path.from_run(cast.marionette, run, SAMPLE_STRIDE)
     bodies = _nearest(_body_clearances(cast, path))
     strings = _nearest(_string_clearances(cast, path))
     return (*bodies, *strings)
@@ -84,28 +84,28 @@ def _body_clearances(cast: Cast, path: Path) -> Iterator[OwnerClearance]:
         nearest = clearance.least(path)
         pair = clearance.pair_at(nearest.q_D, nearest.q_K)
         yield OwnerClearance(
-            (first_owner, second_owner), pair.what, pair.other, nearest.distance, nearest.t
+            (first_owner, second_owner), pair.first, pair.second, nearest.distance, nearest.t
         )
 
 
 def _string_clearances(cast: Cast, path: Path) -> Iterator[OwnerClearance]:
     """Distances of strings from strings and bodies of other players, and from obstacles."""
     approaches = (
-        StringsApart(cast.marionette, own=False)
+        StringDistances(cast.marionette, own=False)
         .motion(path.q_D, path.q_K, path.t)
         .nearest(MAX_STRING_DISTANCE)
     )
     for pair in (*approaches.strings, *approaches.bodies):
-        if {pair.what, pair.other} & {*cast.file.leashes}:
+        if {pair.first, pair.second} & {*cast.file.leashes}:
             continue
-        owners = cast.owner(pair.what), cast.owner(pair.other)
-        second = f"string {pair.other}" if pair in approaches.strings else pair.other
-        yield OwnerClearance(owners, f"string {pair.what}", second, pair.distance, pair.t)
+        owners = cast.owner(pair.first), cast.owner(pair.second)
+        second = f"string {pair.second}" if pair in approaches.strings else pair.second
+        yield OwnerClearance(owners, f"string {pair.first}", second, pair.distance, pair.t)
     for name, part in Clearance(cast.marionette).parts().items():
         string = name.removeprefix("string ")
         if string == name or string in cast.file.leashes:
             continue
         nearest = part.least(path)
-        second = part.pair_at(nearest.q_D, nearest.q_K).other
+        second = part.pair_at(nearest.q_D, nearest.q_K).second
         owners = cast.owner(string), second
         yield OwnerClearance(owners, name, second, nearest.distance, nearest.t)

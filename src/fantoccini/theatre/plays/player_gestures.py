@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from fantoccini.base import Array, FileError, InputError, StateError, UnknownNameError, nearest
+from fantoccini.base import Array, FileError, InputError, StateError, UnknownNameError, did_you_mean
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.theatre.capture import bundled_clip_path, clip_names
 from fantoccini.theatre.cast import (
@@ -218,7 +218,7 @@ class PlayerGestures:
             path = bundled_clip_path(name)
         if path is None:
             text = f"no file beside this one, and no bundled gesture or clip, is called {name!r}"
-            return text + nearest(name, sorted({*known_names} - {*COMPUTED_GESTURES}))
+            return text + did_you_mean(name, sorted({*known_names} - {*COMPUTED_GESTURES}))
         try:
             if is_clip(path):
                 return read_clip(player, path)

@@ -6,7 +6,7 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
-from fantoccini.base import FileError, Mistake, nearest
+from fantoccini.base import FileError, Mistake, did_you_mean
 from fantoccini.theatre.cast import Cast, Places, ResultCache, play_timeline, read_cast
 from fantoccini.theatre.plays.player_gestures import PlayerGestures
 from fantoccini.theatre.plays.shots import check_shots
@@ -67,7 +67,7 @@ def read_play(path: str | os.PathLike[str], cache: ResultCache) -> Script:
     if not os.path.exists(name):
         if name not in play_names():
             text = "found nothing here, and no bundled play of this name"
-            raise FileError([Mistake(name, None, "", text + nearest(name, play_names()))])
+            raise FileError([Mistake(name, None, "", text + did_you_mean(name, play_names()))])
         path = _REPERTORY / f"{name}.yaml"
     file, log = read_script(PlayFile, path)
     places = Places(file, log)
@@ -77,7 +77,7 @@ def read_play(path: str | os.PathLike[str], cache: ResultCache) -> Script:
     gestures = PlayerGestures(cast, log, cache)
     timeline = play_timeline(file, gestures.marks, log)
     sounds_of(file, log)
-    log.mistakes.refuse()
+    log.mistakes.raise_if_any()
     return Script(cast, timeline, gestures, places, log)
 
 
@@ -115,7 +115,7 @@ def _check_cue_names(
             places.check(name, key_path)
         elif kind in known_names and name not in known_names[kind][1]:
             kind_in_words, names = known_names[kind]
-            text = f"no {kind_in_words} is called {name!r}{nearest(name, names)}"
+            text = f"no {kind_in_words} is called {name!r}{did_you_mean(name, names)}"
             log.mistakes.add(key_path, text)
     if isinstance(cue, GivesCue) and cue.to in cue.who:
         log.mistakes.add((*spot, "to"), f"{cue.to} gives it to itself; needed: another player")
@@ -135,7 +135,7 @@ def check_play(path: str | os.PathLike[str]) -> PlayFile:
     """
     script = read_play(path, ResultCache())
     _check_abilities(script)
-    script.log.mistakes.refuse()
+    script.log.mistakes.raise_if_any()
     return script.cast.file
 
 

@@ -179,7 +179,7 @@ def make_round(context: CompileContext, results: Results) -> Round:
             fewer = results.with_refusal(first_cue, str(error))
             if fewer is None:
                 script.log.mistakes.add(("cast", error.stop.players[0]), str(error))
-                script.log.mistakes.refuse()
+                script.log.mistakes.raise_if_any()
                 raise
             results = fewer
         else:

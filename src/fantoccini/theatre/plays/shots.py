@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fantoccini.base import nearest
-from fantoccini.dynamics.compiled import relations
+from fantoccini.base import did_you_mean
+from fantoccini.dynamics.compiled import moving_and_carrying
 from fantoccini.theatre.cast import Cast, Places, shot_time_keys
 from fantoccini.theatre.plays.placing import Placement
 from fantoccini.theatre.script import PlayCue, PlayFile, ScriptLog, Timeline
@@ -53,7 +53,7 @@ def check_shots(file: PlayFile, log: ScriptLog) -> None:
             for name in shot.at:
                 if name not in all_names:
                     text = f"no player, prop, mark or obstacle is called {name!r}"
-                    log.mistakes.add(spot, text + nearest(name, all_names))
+                    log.mistakes.add(spot, text + did_you_mean(name, all_names))
                 elif name in fixed_names and len(shot.at) > 1:
                     text = f"found {name!r} with others; needed: players and props, or one place"
                     log.mistakes.add(spot, text)
@@ -97,7 +97,7 @@ def shots_of(
 def _bodies(cast: Cast, names: tuple[str, ...]) -> tuple[str, ...]:
     """Bodies in the scene of players and props, without controls and other driven bodies."""
     tree, n_D = cast.marionette.tree, cast.marionette.coordinates.n_vD
-    moves_freely = np.any(relations(tree)[0][:, :n_D], axis=1)
+    moves_freely = np.any(moving_and_carrying(tree)[0][:, :n_D], axis=1)
     return tuple(
         link.name
         for link, is_free in zip(tree.links, moves_freely, strict=True)

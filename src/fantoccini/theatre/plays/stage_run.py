@@ -62,7 +62,7 @@ def combine_runs(cast: Cast, runs: Runs, interval: float = SAMPLE_INTERVAL) -> T
         status,
         first.method,
         cast.marionette.coordinates,
-        cast.marionette.described,
+        cast.marionette.current_puppet,
         violation=columns["violation"],
         slip=columns["slip"],
         contact=_joined(stage.points),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from fantoccini.base import nearest
+from fantoccini.base import did_you_mean
 from fantoccini.theatre.cast import Cast, gesture_in_scene, lane_name
 from fantoccini.theatre.gestures import (
     Caption,
@@ -93,7 +93,7 @@ def sounds_of(file: PlayFile, log: ScriptLog) -> tuple[Sound, ...]:
             return written * log.beat
         if written not in file.times:
             text = f"found {written!r}; needed: a beat, or a name of `times`"
-            log.mistakes.add(spot, text + nearest(written, file.times))
+            log.mistakes.add(spot, text + did_you_mean(written, file.times))
         return file.times.get(written, 0.0) * log.beat
 
     return read_sounds(file.sound, time, log)

@@ -9,7 +9,7 @@ from itertools import combinations, pairwise
 import numpy as np
 
 from fantoccini.base import MaskRows, Times
-from fantoccini.dynamics.clearance import Clearance, Path, StringMotion, StringsApart
+from fantoccini.dynamics.clearance import Clearance, Path, StringDistances, StringMotion
 from fantoccini.model.puppet import FLOOR
 from fantoccini.motion import Trajectory
 from fantoccini.theatre.cast import Cast, Meeting, Pair
@@ -62,7 +62,7 @@ def find_touches(
         meetings: players and props that may touch, with times.
         stride: stride of the measured samples.
     """
-    path = Path.of(cast.marionette, run, stride)
+    path = Path.from_run(cast.marionette, run, stride)
     t, q_D, q_K = path.t, path.q_D, path.q_K
     # Props do not move by themselves: they may touch their supports at all times.
     supported = {
@@ -74,7 +74,7 @@ def find_touches(
     for pair in {pair for meeting in meetings for pair in meeting.pairs}:
         if not any(cast.owner(cast.scene_name(name)) in cast.players for name in pair):
             always_allowed.add(pair)
-    string_distances = StringsApart(cast.marionette, own=False)
+    string_distances = StringDistances(cast.marionette, own=False)
     body_intervals, string_touches = list[_TouchInterval](), dict[Pair, Touch]()
     for begin, end, present_meetings in _windows(t, meetings):
         rules, window = _DistanceRules(cast, present_meetings, always_allowed), slice(begin, end)
@@ -87,7 +87,7 @@ def find_touches(
             string_touches.setdefault(frozenset((touch.first, touch.second)), touch)
     all_touches = [*_merge_touches(body_intervals), *string_touches.values()]
     for crossing in string_distances.motion(q_D, q_K, t).crossings():
-        names = f"string {crossing.what}", f"string {crossing.other}"
+        names = f"string {crossing.first}", f"string {crossing.second}"
         all_touches.append(Touch(crossing.t, *names, 0.0, crosses=True))
     leashes = {f"string {name}" for name in cast.file.leashes}
     all_touches = [touch for touch in all_touches if not {touch.first, touch.second} & leashes]
@@ -171,8 +171,8 @@ class _DistanceRules:
         ):
             approaches = motion.nearer_than(distance)
             for pair in (*approaches.strings, *approaches.bodies):
-                first = f"string {pair.what}"
-                second = f"string {pair.other}" if pair in approaches.strings else pair.other
+                first = f"string {pair.first}"
+                second = f"string {pair.second}" if pair in approaches.strings else pair.second
                 touch = Touch(pair.t, first, second, pair.distance)
                 if not self._is_allowed(touch):
                     yield touch
@@ -213,7 +213,7 @@ def _near_intervals(
             end = int(k) + int(np.argmin(np.append(is_near[k:], False)))
             closest = int(k) + int(np.argmin(distance[k:end]))
             nearest_pair = part.pair_at(samples.q_D[closest], samples.q_K[closest])
-            other_name = nearest_pair.other if nearest_pair.what == name else nearest_pair.what
+            other_name = nearest_pair.second if nearest_pair.first == name else nearest_pair.first
             touch = Touch(float(samples.t[k]), name, other_name, float(distance[closest]))
             yield _TouchInterval(touch, int(samples.piece[k]), int(samples.piece[end - 1]))
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from fantoccini.base import FileError
-from fantoccini.dynamics.clearance import StringsApart, Winding
+from fantoccini.dynamics.clearance import StringDistances, Winding
 from fantoccini.motion import EventKind, Trajectory
 from fantoccini.theatre.cast import CannotBegin, OutOfTime, Stop
 from fantoccini.theatre.gestures import measure_lateness, motion_bounds, names_and_units
@@ -156,17 +156,17 @@ def verify_play(play: Play, *, within: float | None = None) -> Verification:
     ]
     peaks, bound_faults = _hand_peaks(play)
     space, space_faults = _hand_extent(play, run.q_K)
-    strings = StringsApart(play.marionette).motion(
+    strings = StringDistances(play.marionette).motion(
         *(x[::SAMPLE_STRIDE] for x in (run.q_D, run.q_K, run.t))
     )
     wound_pairs = tuple(
         winding
         for winding in strings.windings()
-        if not {winding.what, winding.other} & {*play.cast.file.leashes}
+        if not {winding.first, winding.second} & {*play.cast.file.leashes}
         and np.max(np.abs(winding.turns - winding.turns[0])) > _MIN_WINDING
     )
     faults += [
-        f"strings {winding.what} and {winding.other} are wound around each other by "
+        f"strings {winding.first} and {winding.second} are wound around each other by "
         f"{np.max(np.abs(winding.turns - winding.turns[0])):.1f} turns"
         for winding in wound_pairs
     ]

@@ -30,7 +30,7 @@ from fantoccini.base import (
 )
 from fantoccini.control.optimal import MPC
 from fantoccini.control.tasks import Bounds, Smooth, Task, Track
-from fantoccini.dynamics.clearance import Crossing, StringsApart
+from fantoccini.dynamics.clearance import Crossing, StringDistances
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.dynamics.simulation import simulate
 from fantoccini.motion import Input, State, Trajectory
@@ -160,7 +160,7 @@ class FollowResult:
     def inputs(self) -> Input:
         """Motion of the hands from ``retargeted.start``."""
         inputs = driven_inputs(self.retargeted.marionette, self.run.state(0), self.acc_K)
-        return inputs.called(self.retargeted.clip.name)
+        return inputs.with_name(self.retargeted.clip.name)
 
     def guides(self, times: Times) -> list[Array]:
         """(len(times), n, 3) lines through the parts of the clip, at times of the run [m].
@@ -367,7 +367,7 @@ def string_crossings(marionette: Marionette, run: Trajectory) -> tuple[Crossing,
     """Crossings of strings in a run."""
     sample_indices = np.unique(np.append(np.arange(0, len(run), _SAMPLE_STRIDE), len(run) - 1))
     samples = (values[sample_indices] for values in (run.q_D, run.q_K, run.t))
-    return StringsApart(marionette).motion(*samples).crossings()
+    return StringDistances(marionette).motion(*samples).crossings()
 
 
 def eased_times(t: Times, ease: float = _SPEED_CHANGE_TIME) -> Times:

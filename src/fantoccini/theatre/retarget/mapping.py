@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 
 from pydantic import Field, field_validator
 
-from fantoccini.base import Array, FileError, Mistake, StateError, nearest
+from fantoccini.base import Array, FileError, Mistake, StateError, did_you_mean
 from fantoccini.base.documents import (
     Document,
     Kind,
@@ -20,10 +20,10 @@ from fantoccini.base.documents import (
     Name,
     Place,
     document_schema,
-    mistake,
+    raise_if_any,
     read_document,
-    refuse,
     unknown_names,
+    validation_error,
 )
 from fantoccini.theatre.capture import Skeleton
 from fantoccini.theatre.retarget.finding import Doubt, guess_joints
@@ -77,18 +77,22 @@ class MappingFile(Document):
     @field_validator("joints")
     @classmethod
     def _check_parts(cls, joints: dict[str, str]) -> dict[str, str]:
-        refuse(unknown_names(joints, PARTS, "{} is no part"))
+        raise_if_any(unknown_names(joints, PARTS, "{} is no part"))
         if missing := [part for part in PARTS if part not in joints]:
-            raise mistake(f"found no {', '.join(missing)}; needed: all of {', '.join(PARTS)}")
+            raise validation_error(
+                f"found no {', '.join(missing)}; needed: all of {', '.join(PARTS)}"
+            )
         for part, joint in joints.items():
             if list(joints.values()).count(joint) > 1:
-                raise mistake(f"found {joint!r} twice, as {part} as well; needed: a joint each")
+                raise validation_error(
+                    f"found {joint!r} twice, as {part} as well; needed: a joint each"
+                )
         return joints
 
     @field_validator("puppet")
     @classmethod
     def _check_bodies(cls, puppet: dict[str, BodyFile]) -> dict[str, BodyFile]:
-        refuse(unknown_names(puppet, BODIES, "{} is no part"))
+        raise_if_any(unknown_names(puppet, BODIES, "{} is no part"))
         return puppet
 
     def find(self, skeleton: Skeleton) -> dict[str, int]:
@@ -219,7 +223,7 @@ def joints_of(mapping: MappingFile, skeleton: Skeleton, name: str = "clip") -> d
             name,
             None,
             f"joints.{part}",
-            f"the skeleton has no joint {joint!r}, or several{nearest(joint, skeleton.names)}",
+            f"the skeleton has no joint {joint!r}, or several{did_you_mean(joint, skeleton.names)}",
         )
         for part, joint in mapping.joints.items()
         if part not in indices

@@ -10,7 +10,7 @@ from typing import Annotated, Any, ClassVar
 
 from pydantic import Field
 
-from fantoccini.base.documents import Angle, Length, Model, Name, NotNegative, mistake
+from fantoccini.base.documents import Angle, Length, Model, Name, NotNegative, validation_error
 from fantoccini.theatre.script.values import (
     END,
     START,
@@ -88,9 +88,9 @@ class MarkedCue(CueFile):
         if self.model_fields_set & {*self.timing_keys}:
             first, *others = self.timing_keys
             keys = f"`on` and `{first}` or `{others[0]}`" if others else f"`{first}` and `on`"
-            raise mistake(f"found both {keys}; needed: one of them")
+            raise validation_error(f"found both {keys}; needed: one of them")
         if len(self.on) != 1:
-            raise mistake(f"found {len(self.on)} marks in `on`; needed: one")
+            raise validation_error(f"found {len(self.on)} marks in `on`; needed: one")
 
 
 class StyledCue(MarkedCue):
@@ -113,7 +113,7 @@ class StyledCue(MarkedCue):
         """Refuses contradictory keys."""
         super().model_post_init(context)
         if self.lasts is not None and self.faster != 1.0:
-            raise mistake("found both `lasts` and `faster`; needed: one of them")
+            raise validation_error("found both `lasts` and `faster`; needed: one of them")
 
 
 # -- scores ----------------------------------------------------------------------------------
@@ -183,7 +183,9 @@ class GestureCue(PlayedCue):
         if self.turn:
             # A scaled turn is not a rigid motion; each repetition starts from another heading.
             for key in self.model_fields_set & {"larger", "repeat"}:
-                raise mistake(f"found both `turn` and `{key}`; needed: other `steps` or cues")
+                raise validation_error(
+                    f"found both `turn` and `{key}`; needed: other `steps` or cues"
+                )
         super().model_post_init(context)
 
 
@@ -247,7 +249,7 @@ class TimedCue(PlayCue, MarkedCue):
         """Refuses contradictory keys."""
         super().model_post_init(context)
         if self.mark in (START, END):
-            raise mistake(f"found `on: {{{self.mark}: ...}}`; needed: a mark, or `when`")
+            raise validation_error(f"found `on: {{{self.mark}: ...}}`; needed: a mark, or `when`")
 
 
 class DoesCue(TimedCue, StyledCue):
@@ -282,7 +284,7 @@ class WalkCue(TimedCue):
             not isinstance(place, str) and len(place) != 2
             for place in (self.verb_value, *self.past)
         ):
-            raise mistake(
+            raise validation_error(
                 f"found a place of three numbers in `{file_key(self.verb)}`; needed: [x, y]"
             )
 
@@ -348,7 +350,9 @@ class PropCue(PlayCue):
         """Refuses several players."""
         if len(self.who) != 1 or self.who == ("all",):
             named = "`all`" if self.who == ("all",) else f"{len(self.who)} players"
-            raise mistake(f"found {named}; needed: one player, who `{file_key(self.verb)}`")
+            raise validation_error(
+                f"found {named}; needed: one player, who `{file_key(self.verb)}`"
+            )
 
 
 class GivesCue(PropCue):

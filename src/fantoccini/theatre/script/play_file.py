@@ -19,7 +19,7 @@ from fantoccini.base.documents import (
     Real,
     Size,
     entries,
-    mistake,
+    validation_error,
 )
 from fantoccini.model.puppet import WORDS, AnyObstacle, AnyShape, Colour, Mass, PoseValue
 from fantoccini.theatre.script.score_file import SoundsFile
@@ -51,7 +51,9 @@ class SpaceFile(Model):
         """Refuses empty intervals."""
         for key, (low, high) in (("x", self.x), ("y", self.y)):
             if not low < high:
-                raise mistake(f"found {key}: [{low:g}, {high:g}]; needed: the lower one first")
+                raise validation_error(
+                    f"found {key}: [{low:g}, {high:g}]; needed: the lower one first"
+                )
 
 
 class StageFile(Model):
@@ -118,15 +120,17 @@ class PropFile(Model):
         """Refuses contradictory keys."""
         if (self.held_by is None) == (self.at is None and self.on is None):
             count_text = "nothing" if self.held_by is None else "both"
-            raise mistake(f"found {count_text} of `held by` and a place; needed: one of them")
+            raise validation_error(
+                f"found {count_text} of `held by` and a place; needed: one of them"
+            )
         if self.held_by is None and "side" in self.model_fields_set:
-            raise mistake("found `side` without `held by`; only what is held has it")
+            raise validation_error("found `side` without `held by`; only what is held has it")
         if self.held_by is not None and "facing" in self.model_fields_set:
-            raise mistake("found both `held by` and `facing`; needed: one of them")
+            raise validation_error("found both `held by` and `facing`; needed: one of them")
         if self.shapes and self.like is not None:
-            raise mistake("found both `like` and `shapes`; needed: one of them")
+            raise validation_error("found both `like` and `shapes`; needed: one of them")
         if self.at is not None and not isinstance(self.at, str) and len(self.at) != 2:
-            raise mistake("found a place of three numbers in `at`; needed: [x, y]")
+            raise validation_error("found a place of three numbers in `at`; needed: [x, y]")
 
 
 class LeashFile(Model):
@@ -144,7 +148,7 @@ class LeashFile(Model):
     def model_post_init(self, context: Any, /) -> None:
         """Refuses a leash of one player."""
         if self.held_by == self.to:
-            raise mistake(f"found {self.to!r} at both ends; needed: two players")
+            raise validation_error(f"found {self.to!r} at both ends; needed: two players")
 
 
 class ShotFile(Model):
@@ -168,7 +172,7 @@ class ShotFile(Model):
         """Refuses a camera that looks straight down or up."""
         if not abs(self.above) <= _MAX_CAMERA_ELEVATION:
             degrees = math.degrees(self.above)
-            raise mistake(f"found `above: {degrees:.4g} deg`; needed: -80 to 80 deg")
+            raise validation_error(f"found `above: {degrees:.4g} deg`; needed: -80 to 80 deg")
 
 
 class ActFile(Model):

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from heapq import heappop, heappush
 from typing import Generic, TypeVar
 
-from fantoccini.base import nearest
+from fantoccini.base import did_you_mean
 from fantoccini.theatre.script.cues import CueFile
 from fantoccini.theatre.script.log import ScriptLog
 from fantoccini.theatre.script.times import ResolvedTime, TimeReference, TimeResolver, circular_wait
@@ -215,7 +215,7 @@ def make_timeline(
             refs[spot] = resolver.read(time, spot) if special_ref is None else special_ref
         mark = cue.entry.mark
         if mark and mark not in cue.moment_names:
-            text = f"{cue.name} has no mark {mark!r}{nearest(mark, cue.moment_names)}"
+            text = f"{cue.name} has no mark {mark!r}{did_you_mean(mark, cue.moment_names)}"
             log.mistakes.add((*cue.spot, "on"), text)
     first_indices = [0]
     for act in acts:

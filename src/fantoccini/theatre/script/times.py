@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from graphlib import CycleError, TopologicalSorter
 from typing import Protocol
 
-from fantoccini.base import nearest
+from fantoccini.base import did_you_mean
 from fantoccini.base.documents import NAME, Located, shown
 from fantoccini.theatre.script.log import ScriptLog
 from fantoccini.theatre.script.values import Spot, Time
@@ -129,7 +129,7 @@ class TimeResolver:
             text = f"found {shown(time)}; needed: which moment of {name}, as in {name}."
             self._log.mistakes.add(spot, f"{text}{cue.moment_names[0]}")
         elif moment not in cue.moment_names:
-            text = f"{name} has no mark {moment!r}{nearest(moment, cue.moment_names)}"
+            text = f"{name} has no mark {moment!r}{did_you_mean(moment, cue.moment_names)}"
             self._log.mistakes.add(spot, text)
         else:
             return TimeReference(cue.spot, moment, offset)
@@ -157,7 +157,7 @@ class TimeResolver:
             for moment in cue.moment_names
         ]
         text = f"found {shown(time)}; needed: a time, a mark, or a moment of a cue, with an offset"
-        self._log.mistakes.add(spot, text + nearest(name or time, [*self._marks, *moments]))
+        self._log.mistakes.add(spot, text + did_you_mean(name or time, [*self._marks, *moments]))
 
 
 def circular_wait(needs: Mapping[Spot, list[Spot]], located: Located) -> tuple[Spot, str] | None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Union
 from pydantic import BeforeValidator, Discriminator, Tag
 from pydantic.json_schema import SkipJsonSchema
 
-from fantoccini.base.documents import mistake
+from fantoccini.base.documents import validation_error
 from fantoccini.theatre.script.cues import (
     CueFile,
     PlayCue,
@@ -80,10 +80,10 @@ class _ByVerb:
         all_keys = {key for keys in self._rules_of_keys.values() for key in keys}
         if len(verbs) > 1:
             verbs_text = " and ".join(f"`{verb}`" for verb in verbs)
-            raise mistake(f"found both {verbs_text}; needed: one of {self._needed}")
+            raise validation_error(f"found both {verbs_text}; needed: one of {self._needed}")
         if not verbs:
             if keys_present <= all_keys:
-                raise mistake(f"found {self._no_verb}; needed: one of {self._needed}")
+                raise validation_error(f"found {self._no_verb}; needed: one of {self._needed}")
             return {key: value for key, value in data.items() if file_key(str(key)) not in all_keys}
         cue = self._cues[verbs[0]]
         allowed = self._rules_of_keys[cue]
@@ -95,11 +95,11 @@ class _ByVerb:
         ):
             keys_rule = next(keys[key] for keys in self._rules_of_keys.values() if key in keys)
             rule = cue.other_keys_rule or keys_rule.format(key=key)
-            raise mistake(f"found `{verbs[0]}` with `{key}`; {rule}")
+            raise validation_error(f"found `{verbs[0]}` with `{key}`; {rule}")
         for key, rule in allowed.items():
             is_required = cue.model_fields[key.replace(" ", "_")].is_required()
             if is_required and rule and key not in keys_present | {*verbs}:
-                raise mistake(f"found no `{key}`; {rule}")
+                raise validation_error(f"found no `{key}`; {rule}")
         return {key: value for key, value in data.items() if key not in foreign_entries}
 
     def _verbs(self, data: dict[Any, Any]) -> list[str]:

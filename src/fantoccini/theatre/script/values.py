@@ -9,17 +9,17 @@ from typing import Annotated, Any
 from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema
 from pydantic_core import PydanticCustomError
 
-from fantoccini.base import nearest
+from fantoccini.base import did_you_mean
 from fantoccini.base.documents import (
     NAME,
     SIZED,
     Name,
     Place,
     Real,
-    mistake,
     read_angle,
     read_real,
     shown,
+    validation_error,
 )
 
 Spot = tuple[str | int, ...]
@@ -52,7 +52,7 @@ _MARK_PATTERN = rf"{NAME}( \d+)?"
 def _check_factor(number: float) -> float:
     low, high = _FACTOR_RANGE
     if not low <= number <= high:
-        raise mistake(f"found {number:g}; needed: a number from {low:g} to {high:g}")
+        raise validation_error(f"found {number:g}; needed: a number from {low:g} to {high:g}")
     return number
 
 
@@ -64,7 +64,9 @@ def _check_time(value: Any) -> float | str:
     except PydanticCustomError:
         number = -1.0
     if not 0.0 <= number <= 1e6:
-        raise mistake(f"found {shown(value)}; needed: a time, or one by name: turn + 2, wave.up")
+        raise validation_error(
+            f"found {shown(value)}; needed: a time, or one by name: turn + 2, wave.up"
+        )
     return number
 
 
@@ -72,13 +74,17 @@ def _check_target(value: Any) -> Any:
     if isinstance(value, str):
         return value
     if not isinstance(value, list | tuple) or len(value) != 3:
-        raise mistake(f"found {shown(value)}; needed: three numbers, or the name of a body")
+        raise validation_error(
+            f"found {shown(value)}; needed: three numbers, or the name of a body"
+        )
     return tuple(read_real(number) for number in value)
 
 
 def _check_mark(text: str) -> str:
     if not re.fullmatch(_MARK_PATTERN, text, re.ASCII):
-        raise mistake(f"found {shown(text)}; needed: a mark of the gesture, such as up or left 2")
+        raise validation_error(
+            f"found {shown(text)}; needed: a mark of the gesture, such as up or left 2"
+        )
     return text
 
 
@@ -102,7 +108,7 @@ def _read_side(given: Any) -> float:
         return value
     if value not in DIRECTIONS:
         text = f"found {shown(value)}; needed: an angle, or {', '.join(DIRECTIONS)}"
-        raise mistake(text + nearest(value, DIRECTIONS))
+        raise validation_error(text + did_you_mean(value, DIRECTIONS))
     return math.radians(DIRECTIONS[value])
 
 
@@ -110,14 +116,17 @@ def _check_where(value: Any) -> Any:
     if isinstance(value, str):
         return value
     if not isinstance(value, list | tuple) or len(value) not in (2, 3):
-        raise mistake(f"found {shown(value)}; needed: a mark, a player, or a place [x, y] in m")
+        raise validation_error(
+            f"found {shown(value)}; needed: a mark, a player, or a place [x, y] in m"
+        )
     return tuple(value)
 
 
 def _check_style_word(value: str) -> str:
     if value not in STYLE_WORDS:
-        raise mistake(
-            f"found {shown(value)}; allowed: {', '.join(STYLE_WORDS)}{nearest(value, STYLE_WORDS)}"
+        raise validation_error(
+            f"found {shown(value)}; allowed: "
+            f"{', '.join(STYLE_WORDS)}{did_you_mean(value, STYLE_WORDS)}"
         )
     return value
 

@@ -1,4 +1,4 @@
-"""StringsApart: distances of strings from one another and from bodies, along a motion."""
+"""StringDistances: distances of strings from one another and from bodies, along a motion."""
 
 from __future__ import annotations
 
@@ -40,23 +40,24 @@ class Approach:
     """A string near another string or a body.
 
     Attributes:
-        what: name of the string.
-        other: name of the other string, or of the body.
+        first: name of the string.
+        second: name of the other string, or of the body.
         distance: distance of their surfaces [m]; negative for overlaps of any depth.
         t: time [s].
         place: (3,) nearest point of the string's axis [m].
     """
 
-    what: str
-    other: str
+    first: str
+    second: str
     distance: float
     t: float
     place: tuple[float, float, float]
 
     def __str__(self) -> str:
-        at = ", ".join(f"{x:.3g}" for x in self.place)
-        gap = f"{abs(self.distance):.3g} m {'from' if self.distance > 0.0 else 'inside'}"
-        return f"string {self.what} is {gap} {self.other} at t = {self.t:.4g} s, ({at})"
+        coordinates = ", ".join(f"{x:.3g}" for x in self.place)
+        distance = f"{abs(self.distance):.3g} m {'from' if self.distance > 0.0 else 'inside'}"
+        pair = f"string {self.first} is {distance} {self.second}"
+        return f"{pair} at t = {self.t:.4g} s, ({coordinates})"
 
 
 @dataclass(frozen=True)
@@ -74,7 +75,7 @@ class Approaches:
     own: tuple[Approach, ...]
 
 
-class StringsApart:
+class StringDistances:
     """Distances of a puppet's or scene's strings from one another and from bodies, and crossings.
 
         d = min |x - y| - radii,   x on a string, y on another string or on the core of a body
@@ -130,7 +131,7 @@ class StringsApart:
         return StringMotion(t, self._cores(q_D, q_K), self._pairs, path, self._cores)
 
     def _cores(self, q_D: Array, q_K: Array) -> Cores:
-        return Cores.of(self.marionette, self._bodies, self._links, q_D, q_K)
+        return Cores.along_motion(self.marionette, self._bodies, self._links, q_D, q_K)
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,51 +146,62 @@ class StringMotion:
         cores: cores of strings and bodies at the samples.
         pairs: pairs to measure.
         path: configurations at the samples and between them.
-        placed: function from configurations q_D, q_K to their cores.
+        cores_at: function from configurations q_D, q_K to their cores.
     """
 
     t: Times
     cores: Cores
     pairs: StringPairs
     path: Path
-    placed: Callable[[Array, Array], Cores]
+    cores_at: Callable[[Array, Array], Cores]
 
-    def nearest(self, within: float = 0.05) -> Approaches:
-        """Least distances of all pairs that come nearer than ``within``, in increasing order.
+    def nearest(self, max_distance: float = 0.05) -> Approaches:
+        """Least distances of all pairs that come nearer than ``max_distance``, in increasing order.
 
         Distances are accurate to 0.1 mm and 2 %. Depths of overlaps are not measured.
 
         Raises:
-            ValueError: ``within`` is not a finite number greater than 0.
+            ValueError: ``max_distance`` is not a finite number greater than 0.
         """
-        check_positive(within=within)
-        pairs = self.pairs.every
-        best = np.full(len(self.pairs.names), float(within))
-        which, when, later = *np.full((2, len(best)), -1), np.zeros(len(best))
+        check_positive(within=max_distance)
+        pairs = self.pairs.all_pairs
+        best = np.full(len(self.pairs.names), float(max_distance))
+        pair_of_group, sample_of_group, delay_of_group = (
+            *np.full((2, len(best)), -1),
+            np.zeros(len(best)),
+        )
 
         def limit(pair: Indices, _k: Indices, s: Array) -> Array:
             best_distance = best[pairs.group[pair]]
-            between = np.where(
+            refined_limit = np.where(
                 best_distance > 0.0,
                 best_distance - np.maximum(_MAX_MOVE, _MAX_MOVE_RATIO * best_distance),
                 -np.inf,
             )
             return (
-                np.where(s >= 0.0, between, best_distance - _DISTANCE_TOLERANCE)
-                + pairs.swollen[pair]
+                np.where(s >= 0.0, refined_limit, best_distance - _DISTANCE_TOLERANCE)
+                + pairs.radii_sum[pair]
             )
 
         def record(pair: Indices, k: Indices, s: Array, distance: Array) -> None:
-            distance, group = distance - pairs.swollen[pair], pairs.group[pair]
-            first = _firsts(group, distance)
-            first = first[distance[first] < best[group[first]]]
-            best[group[first]] = distance[first]
-            which[group[first]], when[group[first]] = pair[first], k[first]
-            later[group[first]] = s[first]
+            distance, group = distance - pairs.radii_sum[pair], pairs.group[pair]
+            improved = _least_per_group(group, distance)
+            improved = improved[distance[improved] < best[group[improved]]]
+            best[group[improved]] = distance[improved]
+            pair_of_group[group[improved]], sample_of_group[group[improved]] = (
+                pair[improved],
+                k[improved],
+            )
+            delay_of_group[group[improved]] = s[improved]
 
         self._search(limit, record)
-        near = np.flatnonzero(which >= 0)
-        return self._approaches(which[near], when[near], later[near], best[near])
+        near_groups = np.flatnonzero(pair_of_group >= 0)
+        return self._approaches(
+            pair_of_group[near_groups],
+            sample_of_group[near_groups],
+            delay_of_group[near_groups],
+            best[near_groups],
+        )
 
     def nearer_than(self, margin: float) -> Approaches:
         """First approaches of all pairs that come nearer than a margin, the earliest first.
@@ -198,29 +210,44 @@ class StringMotion:
             ValueError: the margin is not a finite number greater than 0.
         """
         check_positive(margin=margin)
-        pairs, never = self.pairs.every, len(self.t)
-        which, when = np.full((2, len(self.pairs.names)), never)
-        later = np.zeros(len(which))
+        pairs, n_samples = self.pairs.all_pairs, len(self.t)
+        pair_of_group, sample_of_group = np.full((2, len(self.pairs.names)), n_samples)
+        delay_of_group = np.zeros(len(pair_of_group))
 
-        def before(group: Indices, k: Indices, s: Array) -> MaskRows:
-            return (k < when[group]) | ((k == when[group]) & (s < later[group]))
+        def is_before(group: Indices, k: Indices, s: Array) -> MaskRows:
+            return (k < sample_of_group[group]) | (
+                (k == sample_of_group[group]) & (s < delay_of_group[group])
+            )
 
         def limit(pair: Indices, k: Indices, s: Array) -> Array:
-            early = before(pairs.group[pair], k, s)
-            return np.where(early, margin + pairs.swollen[pair], -np.inf)
+            is_early = is_before(pairs.group[pair], k, s)
+            return np.where(is_early, margin + pairs.radii_sum[pair], -np.inf)
 
         def record(pair: Indices, k: Indices, s: Array, distance: Array) -> None:
-            near = np.flatnonzero(distance - pairs.swollen[pair] < margin)
-            pair, k, s, group = pair[near], k[near], s[near], pairs.group[pair[near]]
-            first = _firsts(group, self.t[k] + s)
-            first = first[before(group[first], k[first], s[first])]
-            which[group[first]], when[group[first]] = pair[first], k[first]
-            later[group[first]] = s[first]
+            near_groups = np.flatnonzero(distance - pairs.radii_sum[pair] < margin)
+            pair, k, s, group = (
+                pair[near_groups],
+                k[near_groups],
+                s[near_groups],
+                pairs.group[pair[near_groups]],
+            )
+            earliest = _least_per_group(group, self.t[k] + s)
+            earliest = earliest[is_before(group[earliest], k[earliest], s[earliest])]
+            pair_of_group[group[earliest]], sample_of_group[group[earliest]] = (
+                pair[earliest],
+                k[earliest],
+            )
+            delay_of_group[group[earliest]] = s[earliest]
 
         self._search(limit, record)
-        near = np.flatnonzero(when < never)
-        rank = self.t[when[near]] + later[near]
-        return self._approaches(which[near], when[near], later[near], rank)
+        near_groups = np.flatnonzero(sample_of_group < n_samples)
+        rank = self.t[sample_of_group[near_groups]] + delay_of_group[near_groups]
+        return self._approaches(
+            pair_of_group[near_groups],
+            sample_of_group[near_groups],
+            delay_of_group[near_groups],
+            rank,
+        )
 
     def crossings(self) -> tuple[Crossing, ...]:
         """Every passage of a string through another, the earliest first.
@@ -239,60 +266,62 @@ class StringMotion:
 
     def _search(self, limit: DistanceLimit, record: PairCallback) -> None:
         """Measures samples, and refines between them where pairs may be nearer than a limit."""
-        pairs, zeros = self.pairs.every, np.zeros(len(self.pairs.every))
+        pairs, zeros = self.pairs.all_pairs, np.zeros(len(self.pairs.all_pairs))
         pair, k = search(
             self.cores,
             pairs,
             lambda pair, k: limit(pair, k, np.full(len(k), _AT_SAMPLE)),
             lambda pair, k, distance: record(pair, k, np.zeros(len(k)), distance),
         )
-        within = k + 1 < len(self.t)
-        pair, k = pair[within], k[within]
+        has_next = k + 1 < len(self.t)
+        pair, k = pair[has_next], k[has_next]
         start: Array = np.zeros(len(k))
         end: Array = self.path.h[k]
         while len(pair):
             middle = 0.5 * (start + end)
-            step, own = np.unique(np.array([k, start, end]), axis=1, return_inverse=True)
-            own = own.reshape(-1)
-            piece = np.repeat(step[0].astype(int), 3)
-            marks = np.array([step[1], 0.5 * (step[1] + step[2]), step[2]]).T.ravel()
-            cores = self.placed(*self.path.at(piece, marks))
-            i, j, at = pairs.i[pair], pairs.j[pair], 3 * own + 1
-            distance, _ = cores.exact(i, j, at)
+            steps, step_of_pair = np.unique(np.array([k, start, end]), axis=1, return_inverse=True)
+            step_of_pair = step_of_pair.reshape(-1)
+            piece = np.repeat(steps[0].astype(int), 3)
+            times_in_step = np.array([steps[1], 0.5 * (steps[1] + steps[2]), steps[2]]).T.ravel()
+            cores = self.cores_at(*self.path.at(piece, times_in_step))
+            i, j, middle_index = pairs.i[pair], pairs.j[pair], 3 * step_of_pair + 1
+            distance, _ = cores.exact(i, j, middle_index)
             record(pair, k, middle, distance)
-            moved = zeros[pair]
+            travel = zeros[pair]
             for core in (i, j):
-                there = cores.travelled[core, at]
-                before = there - cores.travelled[core, at - 1]
-                moved = moved + np.maximum(before, cores.travelled[core, at + 1] - there)
-            gap = np.maximum(distance - pairs.swollen[pair], 0.0)
-            long = (moved > np.maximum(_MAX_MOVE, _MAX_MOVE_RATIO * gap)) & (
+                at_middle = cores.travelled[core, middle_index]
+                travel_before = at_middle - cores.travelled[core, middle_index - 1]
+                travel = travel + np.maximum(
+                    travel_before, cores.travelled[core, middle_index + 1] - at_middle
+                )
+            gap = np.maximum(distance - pairs.radii_sum[pair], 0.0)
+            is_long = (travel > np.maximum(_MAX_MOVE, _MAX_MOVE_RATIO * gap)) & (
                 end - start > _MIN_STEP_RATIO * self.path.h[k]
             )
-            open_ = np.flatnonzero(long & (distance - moved < limit(pair, k, start)))
-            pair, k = np.tile(pair[open_], 2), np.tile(k[open_], 2)
-            start, middle, end = (x[open_] for x in (start, middle, end))
+            to_refine = np.flatnonzero(is_long & (distance - travel < limit(pair, k, start)))
+            pair, k = np.tile(pair[to_refine], 2), np.tile(k[to_refine], 2)
+            start, middle, end = (x[to_refine] for x in (start, middle, end))
             start, end = np.concatenate([start, middle]), np.concatenate([middle, end])
 
     def _approaches(self, pair: Indices, k: Indices, s: Array, rank: Array) -> Approaches:
         """Approaches of pairs (m,) at s (m,) after samples k (m,), by kind and in order of rank."""
-        pairs, t = self.pairs.every, self.t[k] + s
+        pairs, t = self.pairs.all_pairs, self.t[k] + s
         if len(self.path.h) and len(k):
             piece = np.minimum(k, len(self.path.h) - 1)
             s = np.where(k > piece, self.path.h[piece], s)
-            cores, k = self.placed(*self.path.at(piece, s)), np.arange(len(k))
+            cores, k = self.cores_at(*self.path.at(piece, s)), np.arange(len(k))
         else:
             cores = self.cores
         distance, place = cores.exact(pairs.i[pair], pairs.j[pair], k)
-        distance = distance - pairs.swollen[pair]
+        distance = distance - pairs.radii_sum[pair]
         approaches: dict[Kind, list[Approach]] = {kind: [] for kind in Kind}
         for n in np.argsort(rank, kind="stable"):
             group = pairs.group[pair[n]]
             x, y, z = place[n].tolist()
-            what, other = self.pairs.names[group]
-            entry = Approach(what, other, float(distance[n]), float(t[n]), (x, y, z))
-            approaches[self.pairs.kinds[group]].append(entry)
-        return Approaches(*(tuple(entry) for entry in approaches.values()))
+            first, second = self.pairs.names[group]
+            approach = Approach(first, second, float(distance[n]), float(t[n]), (x, y, z))
+            approaches[self.pairs.kinds[group]].append(approach)
+        return Approaches(*(tuple(approach) for approach in approaches.values()))
 
 
 DistanceLimit = Callable[[Indices, Indices, Array], Array]
@@ -302,7 +331,7 @@ PairCallback = Callable[[Indices, Indices, Array, Array], None]
 """Callback: pairs (m,), samples, times after them, and distances without radii [m]."""
 
 
-def _firsts(group: Indices, rank: Array | Indices) -> Indices:
+def _least_per_group(group: Indices, rank: Array | Indices) -> Indices:
     """Indices of the least rank (m,) in every group (m,)."""
     order = np.lexsort((rank, group))
     return order[np.flatnonzero(np.diff(group[order], prepend=-1))]

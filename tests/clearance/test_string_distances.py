@@ -11,7 +11,7 @@ from scipy.optimize import minimize_scalar
 
 import fantoccini as fan
 from clearance.balls import balls, carried, smooth
-from fantoccini.dynamics.clearance import Approach, StringsApart
+from fantoccini.dynamics.clearance import Approach, StringDistances
 from fantoccini.dynamics.clearance.segments import (
     distance_bound_from_ellipsoid,
     distance_from_box,
@@ -106,10 +106,10 @@ def listed(found: fan.dynamics.clearance.Approaches) -> list[Approach]:
 @pytest.mark.parametrize("seed", [0, 1])
 def test_the_nearest_of_every_pair_is_found(seed, slack):
     q_D, q_K, t = wandering(seed, slack)
-    approaches = listed(StringsApart(scene()).motion(q_D, q_K, t).nearest(within=10.0))
-    assert {(a.what, a.other) for a in approaches} == set(expected(seed, slack))
+    approaches = listed(StringDistances(scene()).motion(q_D, q_K, t).nearest(max_distance=10.0))
+    assert {(a.first, a.second) for a in approaches} == set(expected(seed, slack))
     for approach in approaches:
-        distances = expected(seed, slack)[approach.what, approach.other]
+        distances = expected(seed, slack)[approach.first, approach.second]
         assert approach.distance == pytest.approx(distances.min(), abs=MISSED[slack])
         at_that_time = distances[np.searchsorted(t, approach.t)]
         assert at_that_time == pytest.approx(distances.min(), abs=2 * MISSED[slack])
@@ -118,10 +118,10 @@ def test_the_nearest_of_every_pair_is_found(seed, slack):
 @pytest.mark.parametrize("slack", list(MISSED))
 def test_the_first_time_of_every_pair_is_found(slack):
     (q_D, q_K, t), missed = wandering(0, slack), MISSED[slack]
-    approaches = listed(StringsApart(scene()).motion(q_D, q_K, t).nearer_than(0.05))
+    approaches = listed(StringDistances(scene()).motion(q_D, q_K, t).nearer_than(0.05))
     assert len(approaches) > 5
     for pair, distance in expected(0, slack).items():
-        first = [a for a in approaches if (a.what, a.other) == pair]
+        first = [a for a in approaches if (a.first, a.second) == pair]
         assert first or distance.min() > 0.05 - missed
         for approach in first:
             k = int(np.searchsorted(t, approach.t))
@@ -134,20 +134,20 @@ def test_the_first_time_of_every_pair_is_found(slack):
 @pytest.mark.parametrize("seed", [0, 1])
 def test_distances_within_a_puppet_can_be_left_out(seed):
     q_D, q_K, t = wandering(seed, 0.05)
-    full = StringsApart(scene()).motion(q_D, q_K, t)
-    without_own = StringsApart(scene(), own=False).motion(q_D, q_K, t)
+    full = StringDistances(scene()).motion(q_D, q_K, t)
+    without_own = StringDistances(scene(), own=False).motion(q_D, q_K, t)
 
     def puppet(name: str) -> str:
         return name.partition(".")[0]
 
     for all_pairs, remaining in (
-        (full.nearest(within=10.0), without_own.nearest(within=10.0)),
+        (full.nearest(max_distance=10.0), without_own.nearest(max_distance=10.0)),
         (full.nearer_than(0.1), without_own.nearer_than(0.1)),
     ):
-        expected = [a for a in listed(all_pairs) if puppet(a.what) != puppet(a.other)]
+        expected = [a for a in listed(all_pairs) if puppet(a.first) != puppet(a.second)]
         approaches = listed(remaining)
         assert expected and not remaining.own
-        assert [(a.what, a.other) for a in approaches] == [(a.what, a.other) for a in expected]
+        assert [(a.first, a.second) for a in approaches] == [(a.first, a.second) for a in expected]
         for approach, other in zip(approaches, expected, strict=True):
             assert_allclose(
                 [approach.distance, approach.t, *approach.place],
@@ -163,24 +163,24 @@ def test_without_pairs_of_one_puppet_its_crossings_are_still_found():
     low[..., 0], low[..., 1] = 0.2 * np.outer(1.0 - 2.0 * t, side), -0.01 * side
     high = low * [1.0, -1.0, 1.0] + [0.0, 0.0, 1.0]
     q_D, q_K = carried(puppet, low, high)
-    motion = StringsApart(puppet, own=False).motion(q_D, q_K, t)
-    assert not listed(motion.nearest(within=10.0)) and not listed(motion.nearer_than(0.5))
+    motion = StringDistances(puppet, own=False).motion(q_D, q_K, t)
+    assert not listed(motion.nearest(max_distance=10.0)) and not listed(motion.nearer_than(0.5))
     (crossing,) = motion.crossings()
-    assert {crossing.what, crossing.other} == {"s0", "s1"}
+    assert {crossing.first, crossing.second} == {"s0", "s1"}
     assert 0.4 < crossing.t < 0.6
 
 
 def test_kinds_names_and_order():
     q_D, q_K, t = wandering(0, -0.1)
-    approaches = StringsApart(scene()).motion(q_D, q_K, t).nearest(within=10.0)
+    approaches = StringDistances(scene()).motion(q_D, q_K, t).nearest(max_distance=10.0)
     assert len(approaches.strings) == 6
-    assert {(a.what, a.other) for a in approaches.own} == {
+    assert {(a.first, a.second) for a in approaches.own} == {
         ("p.s0", "p.ball1"),
         ("p.s1", "p.ball0"),
         ("q.s0", "q.ball1"),
         ("q.s1", "q.ball0"),
     }
-    assert {a.other for a in approaches.bodies} == {*RADII, "crate"}
+    assert {a.second for a in approaches.bodies} == {*RADII, "crate"}
     assert [a.distance for a in approaches.strings] == sorted(
         a.distance for a in approaches.strings
     )
@@ -190,16 +190,16 @@ def test_thickness_counts_for_each_string():
     q_D, q_K, t = wandering(0, -0.1)
     for k in range(0, len(t), 40):
         thin, thick = (
-            StringsApart(scene(), radius=radius)
+            StringDistances(scene(), radius=radius)
             .motion(q_D[[k]], q_K[[k]], t[[k]])
-            .nearest(within=10.0)
+            .nearest(max_distance=10.0)
             for radius in (0.0, 0.004)
         )
         for kind, sides in (("strings", 2), ("bodies", 1), ("own", 1)):
-            at = {(a.what, a.other): a.distance for a in getattr(thick, kind)}
+            at = {(a.first, a.second): a.distance for a in getattr(thick, kind)}
             for approach in getattr(thin, kind):
                 if approach.distance > 0.0:
-                    less = approach.distance - at[approach.what, approach.other]
+                    less = approach.distance - at[approach.first, approach.second]
                     assert less == pytest.approx(sides * 0.004, abs=2e-5)
 
 
@@ -215,7 +215,7 @@ def test_a_time_and_a_place_are_reported():
     t = np.linspace(0.0, 1.0, 101)
     low = np.zeros((101, 2, 3))
     low[:, 1, 0] = np.abs(t - 0.5) + 0.01
-    motion = StringsApart(balls(2)).motion(*carried(balls(2), low, low + np.array([0, 0, 1])), t)
+    motion = StringDistances(balls(2)).motion(*carried(balls(2), low, low + np.array([0, 0, 1])), t)
     (approach,) = motion.nearest().strings
     assert (approach.t, approach.distance) == (pytest.approx(0.5), pytest.approx(0.01))
     assert_allclose(approach.place[:2], 0.0, atol=1e-12)
@@ -232,10 +232,10 @@ def test_a_string_that_passes_a_body_between_two_samples_is_found():
     low[:, 1] = [[-0.2, 0.004, 0.0], [0.2, 0.004, 0.0]]
     high = low + np.array([0, 0, 1])
     high[:, 1] += [0.0, 0.5, 0.0]
-    motion = StringsApart(balls(2)).motion(*carried(balls(2), low, high), t)
-    (approach,) = (a for a in motion.nearest().own if a.what == "s0")
+    motion = StringDistances(balls(2)).motion(*carried(balls(2), low, high), t)
+    (approach,) = (a for a in motion.nearest().own if a.first == "s0")
     assert approach.distance == pytest.approx(0.004 - 0.01, abs=2e-4)
-    (first,) = (a for a in motion.nearer_than(0.01).own if a.what == "s0")
+    (first,) = (a for a in motion.nearer_than(0.01).own if a.first == "s0")
     assert first.t == pytest.approx(0.01 * (1.0 - np.sqrt(0.02**2 - 0.004**2) / 0.2), abs=1e-5)
 
 
@@ -245,14 +245,14 @@ def test_a_string_that_passes_a_body_between_two_samples_is_found():
 )
 def test_wrong_motions_are_refused(q_D, t, text):
     with pytest.raises(ValueError, match=text):
-        StringsApart(balls(2)).motion(np.zeros(q_D), np.zeros((len(t), 8)), t)
+        StringDistances(balls(2)).motion(np.zeros(q_D), np.zeros((len(t), 8)), t)
 
 
 def test_wrong_numbers_are_refused():
     with pytest.raises(ValueError, match="radius"):
-        StringsApart(balls(2), radius=-1.0)
+        StringDistances(balls(2), radius=-1.0)
     x = balls(2).state()
-    motion = StringsApart(balls(2)).motion(x.q_D[None], x.q_K[None], [0.0])
+    motion = StringDistances(balls(2)).motion(x.q_D[None], x.q_K[None], [0.0])
     for measured in (motion.nearest, motion.nearer_than):
         with pytest.raises(ValueError, match="greater than 0"):
             measured(0.0)
