@@ -143,7 +143,7 @@ def serial_ports(stand: Stand, arguments: StandStreamArguments) -> dict[str, str
     _check_line_options(kinds, has_several, arguments)
     if arguments.dry_run:
         return {}
-    ports = {name: controller.port for name, controller in serial.items()}
+    ports: dict[str, str | None] = {name: c.port for name, c in serial.items()}
     for text in arguments.port or []:
         name, _, port = text.partition("=") if has_several else ("", "", text)
         if name not in ports or not port:
@@ -154,14 +154,15 @@ def serial_ports(stand: Stand, arguments: StandStreamArguments) -> dict[str, str
         if port is None:
             text = f"the controller {name}" if name else "the stand's controller"
             fail(f"{text} names no port; needed: --port {f'{name}=' if name else ''}PORT", "--port")
-    for port in ports.values():
-        if list(ports.values()).count(port) > 1:
-            fail(f"found {port!r} for several controllers; needed: one port each", "--port")
-    for name, device in ports.items():
+    devices = {name: port for name, port in ports.items() if port is not None}
+    for device in devices.values():
+        if list(devices.values()).count(device) > 1:
+            fail(f"found {device!r} for several controllers; needed: one port each", "--port")
+    for name, device in devices.items():
         if os.path.isabs(device) and not os.path.exists(device):
             owner = f"the controller {name}" if name else "the controller"
             raise StandError(f"there is no serial port {device}, which is that of {owner}")
-    return {name: port for name, port in ports.items() if port is not None}
+    return devices
 
 
 def _lines_text(counts: Mapping[str, StreamCounts]) -> str:

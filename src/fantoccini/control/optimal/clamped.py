@@ -36,12 +36,12 @@ class IntervalDerivatives:
 
     Attributes:
         tension: (N, n_rows) tensions just after the nodes.
-        pull: (N, n_rows, n_z + n_vK or more) derivatives of the tensions, if requested.
+        tension_partials: (N, n_rows, n_z + n_vK or more) derivatives of the tensions, if requested.
         driven: (N or 1, 2 n_vK, 3 n_vK) derivatives of the driven coordinates over the intervals.
     """
 
     tension: Array
-    pull: Array | None
+    tension_partials: Array | None
     driven: Array
 
 

@@ -110,7 +110,7 @@ def _tension_derivatives(
         is_active = np.concatenate([run.taut.values[i], has_force]) | two_sided
         rows = [name for name, active in zip(names, is_active, strict=True) if active]
         linear = marionette.linearise(run.state(int(i)), acc_K, rows=rows)
-        for blocks, derivatives in ((pull, linear.pull), (acc, linear.acc)):
+        for blocks, derivatives in ((pull, linear.tension_partials), (acc, linear.acc)):
             blocks.append(
                 np.concatenate(
                     [

@@ -132,7 +132,8 @@ def _prop(
     handle_height, seat_height = data.pop("handle", None), data.pop("seat", None)
     if entry.held_by is not None:
         if entry.held_by not in start_footings:
-            text = f"no player is called {entry.held_by!r}{did_you_mean(entry.held_by, start_footings)}"
+            hint = did_you_mean(entry.held_by, start_footings)
+            text = f"no player is called {entry.held_by!r}{hint}"
             log.mistakes.add((*spot, "held by"), text)
             return None
         if handle_height is None:
