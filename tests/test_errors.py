@@ -105,7 +105,7 @@ def test_times_and_numbers_beyond_floats_are_refused_by_name(tmp_path):
         lambda x: arm.state({"elbow": x}),
         stepper.advance,
         lambda x: stepper.advance(0.1, [x, *zeros[1:]]),
-        lift.extended,
+        lift.with_rest_until,
         lift.shifted,
         lambda x: lift.with_rest_before(-x),
         lambda x: lift.with_forces({"elbow": [(x, 0.0)]}),

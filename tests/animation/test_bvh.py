@@ -71,7 +71,7 @@ def test_our_reader_returns_metres(greeting: fan.Trajectory, tmp_path: Path) -> 
     clip = fan.theatre.load_bvh(fan.export(greeting, tmp_path / "greeting.bvh"))
     assert check(clip, greeting, 60) == BODIES
     assert clip.t == pytest.approx(np.arange(601) / 60, abs=1e-8)
-    assert (clip.unit, clip.up) == (("m", 1.0), 1)
+    assert (clip.unit, clip.vertical_axis) == (("m", 1.0), 1)
     upright = clip.upright()
     run = greeting.resample(upright.t)
     still = still_of(greeting)

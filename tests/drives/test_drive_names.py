@@ -100,7 +100,7 @@ def test_a_plan_winds_a_winch():
     length = bob.coordinates.q_K.index("line.command.length")
     bounds = plan.problem.rollouts.bounds
     assert (bounds.low[length], bounds.high[length]) == (0.5, 0.9)
-    assert bounds.moves.tolist() == [i == length for i in range(2)]
+    assert bounds.movable.tolist() == [i == length for i in range(2)]
     assert DrivenBounds.from_bounds(bob, fan.control.Bounds()).low[length] == 1e-3
     with pytest.raises(StateError, match=r"given twice: as line\.length and line\.command\.length"):
         DrivenBounds.from_bounds(

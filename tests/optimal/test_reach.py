@@ -69,7 +69,7 @@ def test_a_plumb_bob_hangs_straight_below_its_end():
     np.testing.assert_allclose(poses.q_K, ends, atol=1e-6)
     np.testing.assert_allclose(poses.tension[:, 0], 9.81, rtol=1e-9)
     np.testing.assert_allclose(poses.jacobian[0], np.diag([1.0, 1.0, -1.0]), atol=1e-9)
-    assert poses[0].constant == () and poses[0].taut == ("line",)
+    assert poses[0].immovable == () and poses[0].taut == ("line",)
 
 
 def test_limits_of_a_bob_are_named():

@@ -312,7 +312,9 @@ pose: {hand.x: 0.1, hand.z: -0.31}
     moments = touches.moments(nodes)
     assert moments.edge[0] != 0.0 and moments.intervals[0] == 1
     changes = np.concatenate([z[1], z[2], c])
-    assert change == pytest.approx(moments.by[0] @ changes, abs=1e-6 * np.max(np.abs(change)))
+    assert change == pytest.approx(
+        moments.r_derivatives[0] @ changes, abs=1e-6 * np.max(np.abs(change))
+    )
 
 
 def test_equally_near_moments_are_spread(pen: fan.Marionette):

@@ -131,7 +131,7 @@ def test_a_simulated_stepper_agrees_with_the_check_on_catches(hoist, height):
     run = fan.simulate(hoist, replace(slack, q_D=slack.q_D + height), t_end=0.4)
 
     def margin(torque: float) -> float:
-        return check_stand(stand(f"{torque}"), run, hoist).of("winch")["catch"].margin
+        return check_stand(stand(f"{torque}"), run, hoist).limits_of_axis("winch")["catch"].margin
 
     torque = scipy.optimize.brentq(margin, 0.05, 5.0, xtol=1e-4)
     real = fan.loads(
@@ -202,10 +202,12 @@ def test_an_advised_motor_or_drum_passes(hoist, lifted):
     needed = float(re.search(r"a motor with ([\d.]+) N m", line)[1])
     radius = float(re.search(r"a smaller drum, radius [\d.]+ to ([\d.]+) m", line)[1])
     better = check_stand(stand(f"{needed}", **sure), lifted, hoist)
-    assert better.ok and better.of("winch")["torque"].margin == pytest.approx(10.0, abs=0.5)
+    assert better.ok and better.limits_of_axis("winch")["torque"].margin == pytest.approx(
+        10.0, abs=0.5
+    )
     smaller = check_stand(stand("0.055", **sure, **{"0.01}": f"{radius}}}"}), lifted, hoist)
-    assert smaller.of("winch")["torque"].broken is None
-    assert smaller.of("winch")["torque"].margin >= 9.0
+    assert smaller.limits_of_axis("winch")["torque"].broken is None
+    assert smaller.limits_of_axis("winch")["torque"].margin >= 9.0
 
 
 def test_step_rates_are_those_of_the_controller(hoist, lifted):
@@ -215,14 +217,14 @@ def test_step_rates_are_those_of_the_controller(hoist, lifted):
     assert limit.value == pytest.approx(1.5 * 3200 / (2 * np.pi * 0.01), rel=1e-4)
     assert limit.broken is not None
     assert any("8 microsteps instead of 16" in line for line in remedies(check))
-    assert "step rate" not in check_stand(stand(), lifted, hoist).of("winch")
+    assert "step rate" not in check_stand(stand(), lifted, hoist).limits_of_axis("winch")
 
 
 def test_torques_that_the_motion_does_not_determine_are_not_judged(hoist, lifted):
     """Such times count neither for nor against the stand; other limits can still be broken."""
     sure = {"speed: 1": "speed: 2", "acceleration: 20": "acceleration: 60"}
     weak = check_stand(stand("0.055", **sure), lifted, hoist)
-    first = weak.of("winch")["torque"].broken
+    first = weak.limits_of_axis("winch")["torque"].broken
     flags = np.zeros(lifted.undetermined.values.shape, dtype=bool)
     flags[lifted.t >= first - 0.01, lifted.undetermined.names.index("line.length")] = True
     unsure = replace(lifted, undetermined=lifted.undetermined.like(flags))

@@ -69,14 +69,14 @@ def test_every_transmission_that_is_advised_passes_the_whole_check(
     weak = check_stand(
         fan.stand.loads_stand(stand_text(kind, OWN[kind], torque, 16, rate)), lifted, hoist
     )
-    assert weak.of("winch")["torque"].broken is not None
+    assert weak.limits_of_axis("winch")["torque"].broken is not None
     numbers, microsteps = advised_values(weak, kind)
     assert numbers
     for number in numbers:
         text = stand_text(kind, number, torque, microsteps or 16, rate)
         better = check_stand(fan.stand.loads_stand(text), lifted, hoist)
         assert better.ok, f"{kind} {number}: {better.summary()}"
-        assert better.of("winch")["torque"].margin > 9.99
+        assert better.limits_of_axis("winch")["torque"].margin > 9.99
 
 
 def test_a_drum_with_too_high_a_step_rate_is_not_advised(hoist, lifted):

@@ -86,7 +86,7 @@ def test_corners_of_round_solids_lie_on_the_surface():
     axis = solid.points[0] + along[:, None] * (solid.points[1] - solid.points[0])
     assert np.allclose(np.linalg.norm(triangulate(solid).vertices - axis, axis=1), 0.1)
     solid = SOLIDS["ellipsoid"][0]
-    unit = np.linalg.solve(solid.half, (triangulate(solid).vertices - CENTRE).T)
+    unit = np.linalg.solve(solid.half_axes, (triangulate(solid).vertices - CENTRE).T)
     assert np.allclose(np.linalg.norm(unit, axis=0), 1.0)
 
 

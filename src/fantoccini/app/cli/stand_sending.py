@@ -150,8 +150,8 @@ def serial_ports(stand: Stand, arguments: StandStreamArguments) -> dict[str, str
             names = ", ".join(ports)
             fail(f"found {text!r}; needed: NAME=PORT, NAME one of {names}", "--port")
         ports[name] = port
-    for name, port in ports.items():
-        if port is None:
+    for name, named_port in ports.items():
+        if named_port is None:
             text = f"the controller {name}" if name else "the stand's controller"
             fail(f"{text} names no port; needed: --port {f'{name}=' if name else ''}PORT", "--port")
     devices = {name: port for name, port in ports.items() if port is not None}
