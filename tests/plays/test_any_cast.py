@@ -19,7 +19,7 @@ from fantoccini.model.puppet import bundled
 from fantoccini.motion import pieces
 from fantoccini.theatre import cast
 from fantoccini.theatre.cast import ContactBodies, Physique, prop_gestures
-from fantoccini.theatre.gestures import Step
+from fantoccini.theatre.gestures import BodyParts, Ends, Step, step_gesture
 from fantoccini.theatre.plays import putting
 from fantoccini.theatre.plays.reading import read_play
 from fantoccini.theatre.plays.sitting import sit
@@ -259,6 +259,21 @@ def test_strings_of_the_pelvis_stay_above_it_while_a_puppet_sits(hans):
     assert seated["seat.x"] == pytest.approx(
         physique.tie_height_ratio("seat") * leans - sitting.back
     )
+
+
+@pytest.mark.parametrize(
+    ("name", "string", "step_time", "lift"),
+    [
+        ("hans", "leg_left", 0.6, 0.06),
+        ("hans", "leg_left", 1.0, 0.03),
+        ("marionette", "knee_left", 1.0, 0.06),
+    ],
+)
+def test_knees_rise_less_in_slow_steps_of_a_puppet_with_a_waist(name, string, step_time, lift):
+    puppet = getattr(fan.puppets, name)()
+    step = step_gesture(Ends(BodyParts.for_puppet(puppet), puppet.state()), [Step(0.05)], step_time)
+    highest = offsets_at(step, 0.5 * step_time)[f"{string}.length"]
+    assert highest == pytest.approx(-Physique.of(puppet).leg_ratio * lift, rel=1e-5)
 
 
 HOLDS = """\

@@ -30,6 +30,10 @@ _KNEE_LIFT = 0.06
 """Length by which a knee's string is wound in for a step [m]."""
 _KNEE_LIFT_ON_SPOT = 0.025
 """Length for a step on the spot [m]: higher knees swing into each other as the hips turn."""
+_SLOW_STEP_TIME, _SLOW_LIFT_WITH_WAIST = 0.9, 0.03
+"""Least duration of a slow step [s], and length for it if the trunk has a waist [m]: two slow steps
+take as long as a swing of the pelvis about the vertical. A higher knee turns it so far that the leg
+swings out and its string meets that of a shoulder."""
 _BODY_RISE = 0.004
 """Rise of the body in a step [m]."""
 _PIECES_PER_STEP = 8
@@ -121,7 +125,7 @@ def step_gesture(ends: Ends, steps: Sequence[Step], step_time: float = STEP_TIME
     is_moving = np.array([not step.stands for step in steps])
     # +1 in a step of the left foot, -1 in one of the right foot.
     side_sign = np.where(is_moving, (-1.0) ** (np.cumsum(is_moving) + 1), 0.0)
-    lifts = scale * np.array([_KNEE_LIFT if step.length else _KNEE_LIFT_ON_SPOT for step in steps])
+    lifts = scale * np.array([_knee_lift(ends.body_parts, step, step_time) for step in steps])
     path, heading = step_path.at(step_clock * step_time)
     ends.move_rigidly(path, heading, scale_curve(-SWAY * scale * side_sign[k], rise))
     for string in ends.body_strings:
@@ -136,6 +140,15 @@ def step_gesture(ends: Ends, steps: Sequence[Step], step_time: float = STEP_TIME
             float(moving_step) + 0.5
         ) * step_time
     return ends.gesture(step_clock * step_time, "steps", marks, travels=True)
+
+
+def _knee_lift(body_parts: BodyParts, step: Step, step_time: float) -> float:
+    """Length by which a knee's string is wound in for a step, for legs of 26.4 cm [m]."""
+    if not step.length:
+        return _KNEE_LIFT_ON_SPOT
+    has_waist = len(body_parts.body_map.trunk) > 1
+    is_slow = step_time >= _SLOW_STEP_TIME
+    return _SLOW_LIFT_WITH_WAIST if has_waist and is_slow else _KNEE_LIFT
 
 
 def rise_and_return(rise: float, hold: float, pieces: int = 12) -> tuple[Times, Curve]:
