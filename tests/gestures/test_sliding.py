@@ -1,10 +1,12 @@
-"""Slides of feet: motions in closed form, with the points that carry load."""
+"""Slides of feet, and how long they stand: motions in closed form."""
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 from itertools import product
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,6 +17,7 @@ from fantoccini.model import BodyMap
 from fantoccini.model.body_map import Limb
 from fantoccini.motion import ContactPoints
 from fantoccini.theatre import Gait, footfalls
+from fantoccini.theatre.gaits import PREPARATION, Footfalls
 from fantoccini.theatre.gestures import BodyParts
 
 pytestmark = pytest.mark.own_puppets
@@ -38,7 +41,7 @@ GAIT = Gait(stride=0.0, step_time=0.5)
 YAW_RATE, PITCH_RATE = 0.3, 3.0
 """Rates at which soles and discs turn [rad/s]."""
 CYCLE = 2.0 * GAIT.step_time
-T = np.arange(0.0, GAIT.duration(2) + 0.1, 5e-3)
+T = np.arange(0.0, GAIT.duration(5) + 0.1, 5e-3)
 """Duration of a cycle, and times of the samples [s]."""
 NOTHING = 1e-8
 """Slide that counts as none [m]: terms of the third order in the turn between two samples."""
@@ -48,21 +51,29 @@ Points = list[Curve]
 """Places (T, 3) of points that carry load [m]."""
 
 
-def left_slide(
+def left_slide(foot: str, origin: Curve, **motion: Any) -> float:
+    """Slide of the left foot in its first cycle [m]; arguments as for `feet_of`."""
+    return float(feet_of(foot, origin, **motion).slide[0, 0])
+
+
+def feet_of(
     foot: str,
     origin: Curve,
     *,
     yaw: Curve | float = 0.0,
     pitch: Curve | float = 0.0,
     loaded: Points | None,
-) -> float:
-    """Slide of the left foot in its first cycle, as `footfalls` measures it [m].
+    gait: Gait = GAIT,
+    steps: int = 2,
+) -> Footfalls:
+    """Feet in a motion, as `footfalls` measures them.
 
     Args:
         foot: shape of the feet.
         origin: (T, 3) place of the left foot [m].
         yaw, pitch: turn of the trunk to the left, and of the foot in it [rad].
         loaded: points of the left foot that carry load; None for a run without contact forces.
+        gait, steps: gait of the motion, and its number of steps.
     """
     puppet = fan.loads(PUPPET.format(foot=FEET[foot]))
     limbs = [Limb("leg", side, (f"foot_{side}",), (0, 0, 0), (), 0.1) for side in ("left", "right")]
@@ -83,7 +94,7 @@ def left_slide(
         status=fan.Status.DONE,
         contact=None if loaded is None else contact_points(loaded),
     )
-    return float(footfalls(body_parts, run, GAIT, 2).slide[0, 0])
+    return footfalls(body_parts, run, gait, steps)
 
 
 def contact_points(loaded: Points) -> ContactPoints:
@@ -164,3 +175,16 @@ def test_a_foot_that_moves_above_the_floor_without_load_does_not_slide():
 def test_without_contact_forces_the_lowest_point_of_a_foot_slides():
     above = np.stack([0.2 * T, 0.0 * T, np.full_like(T, 1e-5)], axis=1)
     assert left_slide("sole", above, loaded=None) == pytest.approx(0.2 * CYCLE, rel=0.01)
+
+
+@pytest.mark.parametrize("steps", [4, 5])
+def test_a_foot_stands_for_its_duty_in_all_cycles_before_it_closes_up(steps):
+    """The right foot swings from 1 on and from 3 on; after 5 steps it closes up from 4.6 on."""
+    gait = dataclasses.replace(GAIT, duty=0.3)
+    clock, swing = T / gait.step_time - PREPARATION, 2.0 * (1.0 - gait.duty)
+    begins = np.minimum(np.arange(1.0, steps + 1.0, 2.0), steps + 1.0 - swing)
+    up = np.any([(clock >= begin) & (clock < begin + swing) for begin in begins], axis=0)
+    origin = np.stack([0.0 * T, 0.0 * T, 0.01 * up], axis=1)
+    stands = feet_of("sole", origin, loaded=None, gait=gait, steps=steps).stands[:, 1]
+    assert np.nanmin(stands) == pytest.approx(gait.duty, abs=0.01)
+    assert np.isnan(stands[-1])

@@ -18,7 +18,7 @@ import numpy as np
 from fantoccini.base import Array, Outcome, Status, rotation
 from fantoccini.model.puppet import FLOOR, Box, Capsule, Ellipsoid, Mesh, Shape, Sphere, load_mesh
 from fantoccini.motion import ContactPoints, Trajectory
-from fantoccini.theatre.gaits.gait import PREPARATION, Gait
+from fantoccini.theatre.gaits.gait import CLOSING, PREPARATION, Gait
 from fantoccini.theatre.gestures import BodyParts, feet, leg_length, phases
 
 MAX_STANDING_HEIGHT, MAX_SLIDING_HEIGHT = 1e-4, 3e-5
@@ -57,7 +57,8 @@ class Footfalls:
             each time that of the loaded point that slides farthest counts. n is 0 if the run ends
             in the first cycle.
         lift: (n, n_legs) largest height of the foot above the floor in each cycle [m].
-        stands: (n, n_legs) share of each cycle in which the foot is on the floor.
+        stands: (n, n_legs) share of each cycle in which the foot is on the floor; NaN for a cycle
+            in which the leg closes up, unless it is the first.
         distance: distance that the trunk moves forward, along its heading; below 0 backward [m].
         wanted_distance: distance of the gait's steps [m].
         distance_error: error of the distance, relative to ``wanted_distance``, or to the legs'
@@ -89,8 +90,8 @@ class Footfalls:
 
     @property
     def standing_share(self) -> float:
-        """Least share of a cycle in which a foot is on the floor, without the closing cycle."""
-        return float(self.stands[: max(1, len(self.stands) - 1)].min(initial=1.0))
+        """Least share of a cycle in which a foot is on the floor, without cycles that close up."""
+        return float(np.nanmin(self.stands, initial=1.0))
 
     @property
     def status(self) -> WalkStatus:
@@ -153,6 +154,9 @@ def footfalls(body_parts: BodyParts, run: Trajectory, gait: Gait, steps: int) ->
             inside = (cycle >= k) & (cycle < k + 1)
             slide[k, leg], lift[k, leg] = slides[inside].sum(), height[inside].max()
             stands[k, leg] = np.mean(height[inside] < MAX_STANDING_HEIGHT)
+            closing = steps + CLOSING - 2.0 * (1.0 - gait.duty)
+            if k and 2.0 * (k + 1 + leg_phases[name]) > closing:
+                stands[k, leg] = np.nan
     trunk = poses[:, marionette.link_index(body_parts.body_map.trunk[0])]
     L = leg_length(body_parts.body_map)
     wanted_distance = steps * gait.stride * L
