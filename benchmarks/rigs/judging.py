@@ -21,8 +21,6 @@ _MAX_DISTANCE_ERROR = 0.05
 """Largest relative error of the distance, of a puppet that walks."""
 FIRST_GAITS = {n: Gait() if n == 1 else Gait(pattern="trot", duty=0.3) for n in (1, 2, 3)}
 """Number of pairs of legs -> gait with which the search begins; puppets on two legs walk."""
-_MIN_FORCE = 1e-6
-"""Normal force above which a contact counts, relative to the weight."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +33,7 @@ class Verdict:
         walks: whether it walks 1 m without falling, and no foot slides more than 2 mm in a step.
         status: status of its gait after the search; None without one.
         bows: whether the bow's run is done and its head goes down.
-        slide: largest slide of a foot in a cycle, while its normal force is above 0 [m].
+        slide: largest slide of a foot in a cycle [m].
         force: mean share of the weight on the feet.
         distance: distance walked [m].
         seconds: time of all this [s].
@@ -109,7 +107,7 @@ def bow(stage: fan.Marionette, body_parts: BodyParts) -> bool:
 def walk(stage: fan.Marionette, body_parts: BodyParts, gait: Gait) -> tuple[float, float, float]:
     """Largest slide of a foot in a cycle [m], share of weight on the feet, and distance [m].
 
-    The slide is that of contact points with a normal force; infinite if the puppet falls.
+    The slide is infinite if the puppet falls.
     """
     leg = np.mean([limb.length for limb in body_parts.body_map.limbs if limb.kind == "leg"])
     steps = max(2, round(DISTANCE / (gait.stride * float(leg))))
@@ -121,14 +119,9 @@ def walk(stage: fan.Marionette, body_parts: BodyParts, gait: Gait) -> tuple[floa
     feet = footfalls(body_parts, run, gait, steps)
     if run.status is not fan.Status.DONE or feet.falls:
         return np.inf, 0.0, feet.distance
-    cycle = ((run.t - run.t[0]) / (2.0 * gait.step_time)).astype(int)
-    slide, force = 0.0, 0.0
-    for limb in (limb for limb in body_parts.body_map.limbs if limb.kind == "leg"):
-        points = run.contact.involving(limb.bodies[-1])
-        touching = points.normal_force > _MIN_FORCE * stage.weight
-        speed = np.zeros(len(run.t))
-        np.maximum.at(speed, points.sample[touching], points.sliding_speed[touching])
-        own = np.bincount(cycle[:-1], speed[:-1] * np.diff(run.t))
-        slide = max(slide, float(own[2:].max()))  # after the preparation
-        force += float(points.normal_force.sum() / len(run.t) / stage.weight)
-    return slide, force, feet.distance
+    force = sum(
+        float(run.contact.involving(limb.bodies[-1]).normal_force.sum() / len(run.t) / stage.weight)
+        for limb in body_parts.body_map.limbs
+        if limb.kind == "leg"
+    )
+    return feet.max_slide, force, feet.distance

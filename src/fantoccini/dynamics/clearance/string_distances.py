@@ -163,7 +163,7 @@ class StringMotion:
         Raises:
             ValueError: ``max_distance`` is not a finite number greater than 0.
         """
-        check_positive(within=max_distance)
+        check_positive(max_distance=max_distance)
         pairs = self.pairs.all_pairs
         best = np.full(len(self.pairs.names), float(max_distance))
         pair_of_group, sample_of_group, delay_of_group = (

@@ -3,7 +3,8 @@
     min over parameters of   0.3 mean slide + 0.7 largest slide + penalties
 
 Feet that lift or stand too little, a tilting trunk and a wrong distance add penalties. A second run
-with half the time step then decides whether the puppet walks. The cache keeps gait and verdict.
+with half the time step then decides whether the puppet walks. Only this one has contact forces: the
+search measures the slide of the lowest points. The cache keeps gait and verdict.
 """
 
 from __future__ import annotations

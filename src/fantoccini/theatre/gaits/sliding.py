@@ -1,4 +1,11 @@
-"""Slide and height of a puppet's feet, and the distance walked, in a run of a gait."""
+"""Slide and height of a puppet's feet, and the distance walked, in a run of a gait.
+
+    slide = sum over samples of   max over loaded points of |d + w x m|   horizontally
+
+d is the displacement of a foot's origin until the next sample, w its rotation vector, and m the
+place of a point relative to that origin: the mean of a point that carries load now and of the
+nearest one then. On a foot that rolls the point moves, and nothing slides.
+"""
 
 from __future__ import annotations
 
@@ -8,14 +15,16 @@ from itertools import pairwise
 
 import numpy as np
 
-from fantoccini.base import Array, Outcome, Status
-from fantoccini.model.puppet import Box, Capsule, Ellipsoid, Mesh, Shape, Sphere, load_mesh
-from fantoccini.motion import Trajectory
-from fantoccini.theatre.gaits.gait import PREPARATION_STEPS, Gait
+from fantoccini.base import Array, Outcome, Status, rotation
+from fantoccini.model.puppet import FLOOR, Box, Capsule, Ellipsoid, Mesh, Shape, Sphere, load_mesh
+from fantoccini.motion import ContactPoints, Trajectory
+from fantoccini.theatre.gaits.gait import CLOSING, PREPARATION_STEPS, Gait
 from fantoccini.theatre.gestures import BodyParts, foot_links, gait_phases, leg_length
 
 MAX_STANDING_HEIGHT, MAX_SLIDING_HEIGHT = 1e-4, 3e-5
 """Heights below which a foot counts as on the floor, and as sliding on it [m]."""
+_MIN_LOAD = 1e-6
+"""Normal force above which a contact point carries load, relative to the weight."""
 _SAME_TIME = 1e-6
 """Tolerance of the end of a run [s]."""
 _MIN_UPRIGHT_COSINE = np.cos(np.radians(35.0))
@@ -44,10 +53,12 @@ class Footfalls:
     """Feet in a run of a gait. True if the puppet walks.
 
     Attributes:
-        slide: (n, n_legs) distance that the lowest point of a foot slides on the floor, in each
-            cycle of a leg [m]; n is 0 if the run ends in the first cycle.
+        slide: (n, n_legs) distance that a foot slides on the floor, in each cycle of a leg [m]. At
+            each time that of the loaded point that slides farthest counts. n is 0 if the run ends
+            in the first cycle.
         lift: (n, n_legs) largest height of the foot above the floor in each cycle [m].
-        stands: (n, n_legs) share of each cycle in which the foot is on the floor.
+        stands: (n, n_legs) share of each cycle in which the foot is on the floor; NaN for a cycle
+            in which the leg closes up, unless it is the first.
         distance: distance that the trunk moves forward, along its heading; below 0 backward [m].
         wanted_distance: distance of the gait's steps [m].
         distance_error: error of the distance, relative to ``wanted_distance``, or to the legs'
@@ -79,8 +90,8 @@ class Footfalls:
 
     @property
     def standing_share(self) -> float:
-        """Least share of a cycle in which a foot is on the floor, without the closing cycle."""
-        return float(self.stands[: max(1, len(self.stands) - 1)].min(initial=1.0))
+        """Least share of a cycle in which a foot is on the floor, without cycles that close up."""
+        return float(np.nanmin(self.stands, initial=1.0))
 
     @property
     def status(self) -> WalkStatus:
@@ -115,7 +126,8 @@ def footfalls(body_parts: BodyParts, run: Trajectory, gait: Gait, steps: int) ->
     Args:
         body_parts: parts of the puppet.
         run: run of ``gait.inputs(..., steps)``, with at least 100 samples per second. If it ends
-            early, incomplete cycles are left out.
+            early, incomplete cycles are left out. If it has no contact forces between a foot and
+            the floor, as in runs of batches, the lowest point of the foot slides.
         gait, steps: the gait, and its number of steps.
 
     Raises:
@@ -132,12 +144,19 @@ def footfalls(body_parts: BodyParts, run: Trajectory, gait: Gait, steps: int) ->
         n_cycles = min(n_cycles, max(0, int(n_complete)))
     slide, lift, stands = np.zeros((3, n_cycles, len(leg_phases)))
     for leg, (name, foot) in enumerate(foot_links(body_parts).items()):
-        height, slides = _lowest(marionette.tree.links[foot].shapes, poses[:, foot], floor)
+        link = marionette.tree.links[foot]
+        height, slides = _lowest(link.shapes, poses[:, foot], floor)
+        points = _loaded_points(run.contact, link.name, _MIN_LOAD * marionette.weight)
+        if points is not None:
+            slides = _slides(points, poses[:, foot])
         cycle = 0.5 * (t / gait.step_time - PREPARATION_STEPS) - leg_phases[name]
         for k in range(n_cycles):
             inside = (cycle >= k) & (cycle < k + 1)
             slide[k, leg], lift[k, leg] = slides[inside].sum(), height[inside].max()
             stands[k, leg] = np.mean(height[inside] < MAX_STANDING_HEIGHT)
+            closing = steps + CLOSING - 2.0 * (1.0 - gait.duty)
+            if k and 2.0 * (k + 1 + leg_phases[name]) > closing:
+                stands[k, leg] = np.nan
     trunk = poses[:, marionette.link_index(body_parts.body_map.trunk[0])]
     L = leg_length(body_parts.body_map)
     wanted_distance = steps * gait.stride * L
@@ -177,6 +196,39 @@ def _forward_distance(place: Array, heading: Array, t: Array, period: float) -> 
         x, y = place[last] - place[first]
         distance += float(x * mean.real + y * mean.imag) / abs(mean)
     return distance
+
+
+def _loaded_points(
+    contact: ContactPoints | None, foot: str, min_load: float
+) -> ContactPoints | None:
+    """Points with which a foot loads the floor; None if there are no forces between the two."""
+    if contact is None or not any({foot, FLOOR} == {*pair} for pair in contact.names):
+        return None
+    points = contact.involving(foot, FLOOR)
+    return points.subset(points.normal_force > min_load)
+
+
+def _slides(points: ContactPoints, poses: Array) -> Array:
+    """(T,) slide of a foot until the next sample [m]; see the top of this file.
+
+    It is 0 unless points carry load now and at the next sample.
+
+    Args:
+        points: points that carry load.
+        poses: (T, 3, 4) poses of the foot.
+    """
+    R, r = poses[:, :, :3], poses[:, :, 3]
+    slides, displacements = np.zeros(len(r)), np.diff(r, axis=0)
+    rotations = rotation.log(rotation.quaternion(R[1:] @ R[:-1].swapaxes(1, 2)))
+    first = np.searchsorted(points.sample, np.arange(len(r) + 1))
+    is_loaded = np.diff(first) > 0
+    for i in np.flatnonzero(is_loaded[:-1] & is_loaded[1:]):
+        now, then = (points.point[first[k] : first[k + 1]] for k in (i, i + 1))
+        distances = np.linalg.norm(now[:, None] - then, axis=2)
+        middle = 0.5 * (now - r[i] + then[np.argmin(distances, axis=1)] - r[i + 1])
+        moved = displacements[i] + np.cross(rotations[i], middle)
+        slides[i] = np.linalg.norm(moved[:, :2], axis=1).max()
+    return slides
 
 
 def _lowest(shapes: tuple[Shape, ...], poses: Array, floor: float) -> tuple[Array, Array]:
