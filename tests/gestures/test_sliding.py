@@ -17,7 +17,7 @@ from fantoccini.model import BodyMap
 from fantoccini.model.body_map import Limb
 from fantoccini.motion import ContactPoints
 from fantoccini.theatre import Gait, footfalls
-from fantoccini.theatre.gaits import PREPARATION, Footfalls
+from fantoccini.theatre.gaits import PREPARATION_STEPS, Footfalls
 from fantoccini.theatre.gestures import BodyParts
 
 pytestmark = pytest.mark.own_puppets
@@ -181,7 +181,7 @@ def test_without_contact_forces_the_lowest_point_of_a_foot_slides():
 def test_a_foot_stands_for_its_duty_in_all_cycles_before_it_closes_up(steps):
     """The right foot swings from 1 on and from 3 on; after 5 steps it closes up from 4.6 on."""
     gait = dataclasses.replace(GAIT, duty=0.3)
-    clock, swing = T / gait.step_time - PREPARATION, 2.0 * (1.0 - gait.duty)
+    clock, swing = T / gait.step_time - PREPARATION_STEPS, 2.0 * (1.0 - gait.duty)
     begins = np.minimum(np.arange(1.0, steps + 1.0, 2.0), steps + 1.0 - swing)
     up = np.any([(clock >= begin) & (clock < begin + swing) for begin in begins], axis=0)
     origin = np.stack([0.0 * T, 0.0 * T, 0.01 * up], axis=1)

@@ -136,7 +136,7 @@ class Problem:
             )
         bounds, conditions, options = task.bounds, task.conditions, task.conditions.rollouts
         margin, tolerance = bounds.clearance or 0.0, conditions.tolerance
-        check_not_negative(margin=margin)
+        check_not_negative(clearance=margin)
         self.objective = Objective.of(conditions.objective)
         check_start(task.marionette, task.x0, "timestepping")
         (marionette, obstacles), start = task.world, task.x0

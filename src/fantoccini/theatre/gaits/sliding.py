@@ -18,7 +18,7 @@ import numpy as np
 from fantoccini.base import Array, Outcome, Status, rotation
 from fantoccini.model.puppet import FLOOR, Box, Capsule, Ellipsoid, Mesh, Shape, Sphere, load_mesh
 from fantoccini.motion import ContactPoints, Trajectory
-from fantoccini.theatre.gaits.gait import CLOSING, PREPARATION_STEPS, Gait
+from fantoccini.theatre.gaits.gait import CLOSING_STEPS, PREPARATION_STEPS, Gait
 from fantoccini.theatre.gestures import BodyParts, foot_links, gait_phases, leg_length
 
 MAX_STANDING_HEIGHT, MAX_SLIDING_HEIGHT = 1e-4, 3e-5
@@ -154,7 +154,7 @@ def footfalls(body_parts: BodyParts, run: Trajectory, gait: Gait, steps: int) ->
             inside = (cycle >= k) & (cycle < k + 1)
             slide[k, leg], lift[k, leg] = slides[inside].sum(), height[inside].max()
             stands[k, leg] = np.mean(height[inside] < MAX_STANDING_HEIGHT)
-            closing = steps + CLOSING - 2.0 * (1.0 - gait.duty)
+            closing = steps + CLOSING_STEPS - 2.0 * (1.0 - gait.duty)
             if k and 2.0 * (k + 1 + leg_phases[name]) > closing:
                 stands[k, leg] = np.nan
     trunk = poses[:, marionette.link_index(body_parts.body_map.trunk[0])]
