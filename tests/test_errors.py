@@ -17,6 +17,7 @@ from fantoccini.base.documents.yaml_text import Unreadable
 from fantoccini.base.errors import FileError, Mistake, Status
 from fantoccini.theatre.cast.stops import CannotBegin, Stop
 from fantoccini.theatre.gestures.styling import StyleError
+from fantoccini.theatre.gestures.turns import TurnError
 from fantoccini.theatre.retarget import TooShortError
 
 pytestmark = pytest.mark.medium
@@ -32,6 +33,7 @@ FACTS = {
     CannotBegin: (Stop(("columbine",), 0.0, "a string is too short"),),
     StyleError: ("larger", "the hand would be higher than its bar"),
     TooShortError: ("wave", 0.8, 1.55),
+    TurnError: ("bar.rotation", 3.2, 1.5),
     Unreadable: (4, ("bodies", 0), "a tab"),
 }
 """Arguments of exceptions that take more than a sentence."""
