@@ -182,18 +182,18 @@ def _print_how_to_continue(
     """Prints the line, or with several controllers the time, from which a stream can continue."""
     if not any(count.last_line for count in counts.values()):
         return
-    first_lost_line = {
+    first_lost_lines = {
         name: first_lost_line(programs[name].text, count.last_line, parts[name].controller.planner)
         for name, count in counts.items()
     }
-    if "" in first_lost_line:
+    if "" in first_lost_lines:
         print_message(
             f"the controller accepted all lines up to {counts[''].last_line}, and may have dropped "
             "lines in its buffer; if it still knows its position, continue with --from-line "
-            f"{first_lost_line['']}"
+            f"{first_lost_lines['']}"
         )
         return
-    t = min(programs[name].time_of(line) for name, line in first_lost_line.items())
+    t = min(programs[name].time_of(line) for name, line in first_lost_lines.items())
     if t > 0.0:
         # Rounded down, so that no move is skipped.
         print_message(
