@@ -179,7 +179,7 @@ def test_a_file_of_another_kind_is_named(tmp_path):
 
 
 def test_check_reads_a_play_and_simulates_nothing(tmp_path, monkeypatch):
-    monkeypatch.setattr("fantoccini.theatre.plays.compiling.touches", None)
+    monkeypatch.setattr("fantoccini.theatre.plays.compiling.find_touches", None)
     path = write_play(tmp_path)
     result = fantoccini("check", path, "arm2d")
     assert result.exit_code == 0

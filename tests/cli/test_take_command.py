@@ -72,7 +72,7 @@ def test_the_ends_of_a_part_may_be_omitted(take, tmp_path):
         (("--trim", "0:7", "--out", "new.npz"), "must be a part of 0 s to 2 s"),
         (("--stretch", "0", "--out", "new.npz"), "factor is 0"),
         (("--smooth", "-1", "--out", "new.npz"), "seconds"),
-        (("--loop", "0", "--out", "new.npz"), "times is 0"),
+        (("--loop", "0", "--out", "new.npz"), "count is 0"),
         (("--loop", "2"), "needed: a file for the edited recording"),
         (("--stretch", "2", "--out", "new.csv"), ".npz"),
     ],

@@ -283,10 +283,10 @@ class Input:
     @staticmethod
     def concatenate(inputs: Sequence[Input]) -> Input:
         """The inputs one after another; the first keeps its times. See :meth:`then`."""
-        for i, one in enumerate(inputs):
-            if not isinstance(one, Input):
-                raise TypeError(f"inputs[{i}] is a {type(one).__name__}; it must be an Input")
-        binding.check_same_puppet([one.coordinates for one in inputs])
+        for i, entry in enumerate(inputs):
+            if not isinstance(entry, Input):
+                raise TypeError(f"inputs[{i}] is a {type(entry).__name__}; it must be an Input")
+        binding.check_same_puppet([entry.coordinates for entry in inputs])
         joined = inputs[0]
         for following in inputs[1:]:
             shifted = following.shifted(joined.end - following.start)

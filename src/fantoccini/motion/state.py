@@ -256,11 +256,11 @@ def check_size(x: State, table: CoordinateTable, n_rows: int) -> None:
     if not isinstance(x, State):
         raise StateError(f"found {x!r}; needed: a state, such as marionette.rest()")
     if x.coordinates is not None and x.coordinates is not table:
-        given, own = ((t.q_D, t.q_K) for t in (x.coordinates, table))
-        if given != own:
+        state_names, puppet_names = ((*t.q_D, *t.q_K) for t in (x.coordinates, table))
+        if (x.coordinates.q_D, x.coordinates.q_K) != (table.q_D, table.q_K):
             raise StateError(
-                "the state is of another puppet: its coordinates are "
-                f"{_listed((*given[0], *given[1]))}, this puppet's {_listed((*own[0], *own[1]))}"
+                f"the state is of another puppet: its coordinates are {_listed(state_names)}, "
+                f"this puppet's {_listed(puppet_names)}"
             )
     lengths = tuple(len(getattr(x, name)) for name in _MOTION_FIELDS)
     sizes = table.n_qD, table.n_vD, table.n_qK, table.n_vK

@@ -66,7 +66,7 @@ class SetPoints:
         park: whether the axes go home at the end.
         resumed: (T,) times in the whole motion, of one that was stopped and goes on: the controller
             knows the positions of its axes, and moves them slowly to the first point.
-        warning: why the stand cannot do the motion, if it is exported nevertheless.
+        warning: reason for which the stand cannot do the motion; "" if it can.
     """
 
     map: AxisMap

@@ -203,25 +203,25 @@ class Clearance:
         The error is at most 1 %. Solids nearer than a micrometre count as touching.
         """
         path = motion if isinstance(motion, Path) else Path.from_run(self.marionette, motion)
-        least = LeastDistance(np.inf, float(path.t[0]), path.q_D[0], path.q_K[0])
+        minimum = LeastDistance(np.inf, float(path.t[0]), path.q_D[0], path.q_K[0])
 
         def criterion(places: Places, distance: Array, lower_bound: Array) -> Indices:
-            nonlocal least
+            nonlocal minimum
             k = int(np.argmin(np.nan_to_num(distance, nan=np.inf)))
-            if distance[k] < least.distance:
-                least = LeastDistance(
+            if distance[k] < minimum.distance:
+                minimum = LeastDistance(
                     float(distance[k]), float(places.t[k]), places.q_D[k], places.q_K[k]
                 )
             # Depths of overlaps are not refined: any overlap is a collision.
-            tolerance = max(_REL_ACCURACY * least.distance, _MAX_TOUCHING_DISTANCE)
+            tolerance = max(_REL_ACCURACY * minimum.distance, _MAX_TOUCHING_DISTANCE)
             return np.flatnonzero(
-                (least.distance >= 0.0) & (lower_bound < least.distance - tolerance)
+                (minimum.distance >= 0.0) & (lower_bound < minimum.distance - tolerance)
             )
 
         advance(path, self.bounded, criterion)
-        if 0.0 <= least.distance < _MAX_TOUCHING_DISTANCE:
-            least = replace(least, distance=least.distance - _MAX_TOUCHING_DISTANCE)
-        return least
+        if 0.0 <= minimum.distance < _MAX_TOUCHING_DISTANCE:
+            minimum = replace(minimum, distance=minimum.distance - _MAX_TOUCHING_DISTANCE)
+        return minimum
 
     def distances_along(self, path: Path, max_distance: float) -> tuple[Places, Array]:
         """Distances at the samples of a path, and between them where they are less than a limit.
@@ -257,8 +257,8 @@ class Clearance:
         if self.measures_nothing:
             return None
         if isinstance(motion, Trajectory):
-            least = self.least(motion)
-            return replace(self.pair_at(least.q_D, least.q_K), distance=least.distance)
+            minimum = self.least(motion)
+            return replace(self.pair_at(minimum.q_D, minimum.q_K), distance=minimum.distance)
         q_D, q_K = (np.atleast_2d(q) for q in _configurations(motion))
         distance, _, pair = self._measured(q_D, q_K, 1)
         if not np.any(pair >= 0):

@@ -318,11 +318,11 @@ def check_inputs(
 ) -> None:
     """Raises InputError unless inputs fit the puppet and begin and end at rest within a run."""
     inputs = as_inputs(inputs)
-    needed, given = marionette.coordinates, inputs.coordinates
-    if (needed.q_K, needed.v_D) != (given.q_K, given.v_D):
+    needed, actual = marionette.coordinates, inputs.coordinates
+    if (needed.q_K, needed.v_D) != (actual.q_K, actual.v_D):
         text = (
             "were made for a puppet with the driven coordinates "
-            f"{', '.join(given.q_K) or 'none'}; {marionette.name} has "
+            f"{', '.join(actual.q_K) or 'none'}; {marionette.name} has "
             f"{', '.join(needed.q_K) or 'none'}"
         )
         raise InputError([Mistake("inputs", None, "", text)])

@@ -240,7 +240,7 @@ class NoiseLevels:
         channels = record.channels
         kinds = ["marker"] * (3 * len(channels.markers))
         kinds += ["coordinate"] * len(channels.coordinates) + ["tension"] * len(channels.tensions)
-        given = np.array(
+        noise = np.array(
             [
                 record.noise.get(name, record.noise.get(group, np.nan))
                 for name, group in zip(channels.names, channels.groups, strict=True)
@@ -248,8 +248,8 @@ class NoiseLevels:
         )
         guess = np.array([INITIAL_NOISE[kind] for kind in kinds])
         return cls(
-            given,
-            np.where(np.isfinite(given), np.maximum(given, guess), guess),
+            noise,
+            np.where(np.isfinite(noise), np.maximum(noise, guess), guess),
             np.array([MIN_NOISE[kind] for kind in kinds]),
             channels.groups,
         )
