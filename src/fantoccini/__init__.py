@@ -17,6 +17,7 @@ __version__ = "0.1.0"
 # The public names stand in __init__.pyi; each is imported when it is first asked for.
 _getattr, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 _RENAMED = {
+    "Puppet": "model.Puppet, the contents of a file; fan.load returns a marionette",
     "Reach": "control.ReachedPoses",
     "Sensitivity": "dynamics.RunSensitivity",
     "Show": "theatre.LivePlay",

@@ -254,6 +254,12 @@ def test_a_build_that_fails_ends_with_1(monkeypatch) -> None:
 def test_info_lists_the_bundled_puppets() -> None:
     text = fantoccini("info").stdout
     assert all(f"\n{name} " in text for name in (*fan.puppets.names(), *fan.puppets.scenes()))
+    for line in (
+        "Plays, for `play` and `perform`: chase, ",
+        "Performances, for `--inputs`: ",
+        "wave",
+    ):
+        assert line in text
 
 
 def test_info_describes_a_puppet() -> None:

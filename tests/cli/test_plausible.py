@@ -84,8 +84,8 @@ def test_check_prints_size_mass_and_height(dog):
     lengths = " x ".join(f"{x:.3g}" for x in size.lengths)
     assert result.stdout.splitlines() == [
         "dog.yaml: no mistakes; 10 DOF, 2 strings, 3 driven",
-        f"dog.yaml: {size.mass:.4g} kg, {lengths} m (x, y, z), "
-        f"hangs {size.hanging_height:.3g} m high",
+        f"dog.yaml: {size.mass:.4g} kg, {lengths} m (x, y, z); "
+        f"its strings begin {size.hanging_height:.3g} m above its lowest point",
     ]
 
 

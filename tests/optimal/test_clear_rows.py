@@ -94,6 +94,11 @@ def test_obstacles_of_a_task_count_as_those_of_the_file_do(ball_arm: fan.Marione
     )
 
 
+def test_pictures_show_the_obstacles_of_a_task(ball_arm: fan.Marionette):
+    task = replace(lowering(ball_arm.with_obstacles([]), 0.02), obstacles=ball_arm.puppet.obstacles)
+    assert task.drawn_marionette.puppet.obstacles == ball_arm.puppet.obstacles
+
+
 def test_obstacles_of_a_task_are_avoided_without_a_clearance(ball_arm: fan.Marionette):
     """A plan of the same task avoids them too."""
     task = replace(lowering(ball_arm.with_obstacles([])), obstacles=ball_arm.puppet.obstacles)

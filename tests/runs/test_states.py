@@ -361,3 +361,8 @@ def test_nan_is_in_no_argument(arm):
     ):
         with pytest.raises((ValueError, fan.FantocciniError), match=r"nan|finite|increase"):
             ask()
+
+
+def test_a_puppet_at_rest_has_no_velocities(arm):
+    with pytest.raises(fan.errors.StateError, match="at rest has no velocities"):
+        arm.rest({"v:elbow": 0.1})

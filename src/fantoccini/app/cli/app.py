@@ -136,10 +136,10 @@ def schema(
 def info(
     file: Annotated[
         str | None,
-        typer.Argument(metavar="[FILE]", help="Puppet; by default, list the bundled puppets."),
+        typer.Argument(metavar="[FILE]", help="Puppet; by default, list all bundled files."),
     ] = None,
 ) -> None:
-    """Describe a puppet, or list the bundled puppets."""
+    """Describe a puppet, or list all bundled files."""
     from fantoccini.app.cli.info import describe_puppet, list_bundled
 
     if file is None:
@@ -306,7 +306,9 @@ def follow(arguments: FollowArguments) -> None:
 
 @app.command()
 def mapping(
-    clip: Annotated[Path, typer.Argument(metavar="CLIP", help="Captured motion (.bvh).")],
+    clip: Annotated[
+        Path, typer.Argument(metavar="CLIP", help="Captured motion (.bvh), or a bundled clip.")
+    ],
     puppet: Annotated[
         str | None, typer.Argument(metavar="PUPPET", help="Puppet that will follow it.")
     ] = None,

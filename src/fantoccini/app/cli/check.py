@@ -12,6 +12,7 @@ import typer
 from fantoccini.app.cli.play import play_counts_text
 from fantoccini.app.cli_support import (
     MISTAKE,
+    ProgressDisplay,
     fail,
     inputs_warnings,
     load_marionette,
@@ -82,7 +83,9 @@ def _check_play(file: str, inputs: list[Path], quiet: bool) -> bool:
     if inputs:
         fail(f"applies to puppets, and {file} is a play", "--inputs")
     try:
-        counts_text = play_counts_text(Path(file))
+        with ProgressDisplay(quiet) as display:
+            display.stage(f"reading {file}; the first time, its puppets are compiled")
+            counts_text = play_counts_text(Path(file))
     except FileError as error:
         _print_problems(error.mistakes)
         return False
@@ -173,5 +176,7 @@ def _size_text(puppet: Marionette) -> str:
     """Mass, extent and hanging height of a puppet in its start pose."""
     size = measure(puppet.tree, puppet.number)
     lengths = " x ".join(f"{x:.3g}" for x in size.lengths)
-    height = "" if size.hanging_height is None else f", hangs {size.hanging_height:.3g} m high"
+    height = ""
+    if size.hanging_height is not None:
+        height = f"; its strings begin {size.hanging_height:.3g} m above its lowest point"
     return f"{size.mass:.4g} kg, {lengths} m (x, y, z){height}"

@@ -35,7 +35,11 @@ class _NotCachedError(Exception):
 
 
 def list_bundled() -> None:
-    """Prints tables of the bundled puppets and scenes."""
+    """Prints tables of the bundled puppets and scenes, and the names of all other files."""
+    from fantoccini.stand import stand_names
+    from fantoccini.theatre import clip_names, gesture_names
+    from fantoccini.theatre.plays import play_names
+
     bundled = {"Bundled puppets": bundled_files.names(), "Bundled scenes": bundled_files.scenes()}
     for title, names in bundled.items():
         lines = []
@@ -44,6 +48,15 @@ def list_bundled() -> None:
             coordinates = puppet.coordinates
             lines.append((name, coordinates.n_vD, len(puppet.tree.strings), coordinates.n_vK))
         print_table(title, ("name", "DOF>", "strings>", "driven>"), lines)
+    names_by_use = {
+        "Plays, for `play` and `perform`": play_names(),
+        "Performances, for `--inputs`": bundled_files.performances(),
+        "Clips, for `follow`": clip_names(),
+        "Gestures, for scores and plays": gesture_names(),
+        "Stands, for `stand`": stand_names(),
+    }
+    for title, names in names_by_use.items():
+        print_output(f"{title}: {', '.join(names)}")
 
 
 def describe_puppet(file: str) -> None:

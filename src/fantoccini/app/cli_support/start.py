@@ -15,6 +15,8 @@ from fantoccini.lab.sweeps import trial
 from fantoccini.motion import Input, State
 
 _ANGLE = TypeAdapter(Angle)
+_MAX_REPORTED = 6
+"""Largest number of changed coordinates in a message."""
 _MIN_REPORTED_MOVE = 1e-9
 """Smallest change of a start coordinate by projection that is reported [m or rad]."""
 _QUATERNION_ENDINGS = (".qw", ".qx", ".qy", ".qz")
@@ -62,7 +64,8 @@ def start_state(
 ) -> State:
     """Start state as in :class:`fantoccini.lab.Trial`, projected onto strings and limits.
 
-    Prints the coordinate that the projection changed most, unless ``quiet``.
+    Prints the coordinates that the projection changed, those of ``start_values`` first, unless
+    ``quiet``.
     """
     x = trial.start_state(marionette, inputs, start_values)
     coordinates = marionette.coordinates
@@ -73,10 +76,14 @@ def start_state(
     }:
         values = {**({} if inputs is None else inputs.first_values()), **start_values}
         displacement = np.abs(x.q_D - marionette.state(values).q_D)
-        if np.max(displacement, initial=0.0) > _MIN_REPORTED_MOVE:
-            i_largest = int(np.argmax(displacement))
+        changed = np.flatnonzero(displacement > _MIN_REPORTED_MOVE)
+        order = sorted(changed, key=lambda i: coordinates.q_D[i] not in start_values)
+        texts = [f"{coordinates.q_D[i]} is {format_number(float(x.q_D[i]))}" for i in order]
+        if texts:
+            rest = len(texts) - _MAX_REPORTED
+            more = f" and {rest} more" if rest > 0 else ""
             print_message(
                 "changed the start to the nearest state that strings and limits allow: "
-                f"{coordinates.q_D[i_largest]} is {format_number(float(x.q_D[i_largest]))}"
+                f"{', '.join(texts[:_MAX_REPORTED])}{more}"
             )
     return x

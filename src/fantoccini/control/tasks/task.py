@@ -178,6 +178,14 @@ class Task:
         return self.marionette.with_obstacles(solids), half_spaces
 
     @property
+    def drawn_marionette(self) -> Marionette:
+        """The puppet with all obstacles except half-spaces, for pictures."""
+        obstacles = standing(self.marionette.puppet, self.obstacles)
+        return self.marionette.with_obstacles(
+            [obstacle for obstacle in obstacles if not isinstance(obstacle, HalfSpace)]
+        )
+
+    @property
     def durations(self) -> tuple[float, float]:
         """The shortest and the longest duration [s].
 

@@ -130,12 +130,16 @@ class Marionette(CompiledPuppet):
 
         Args:
             values: values of :meth:`state`, or a state. It fixes the driven coordinates; the search
-                begins at the dynamic ones; velocities are ignored.
+                begins at the dynamic ones; velocities of a state are ignored.
 
         Raises:
-            StateError: there is no equilibrium, or none was found.
+            StateError: values of velocities; there is no equilibrium, or none was found.
         """
         x = values if isinstance(values, State) else self.state(values)
+        if not isinstance(values, State) and (np.any(x.v_D) or np.any(x.v_K)):
+            raise StateError(
+                f"{self.name} at rest has no velocities; needed: values of coordinates only"
+            )
         return equilibrium.rest(self, x)
 
     def project(self, x: State) -> State:

@@ -94,7 +94,7 @@ def _draw_poses(
     sheet: Sheet, optimum: Optimum, options: PictureOptions, poses: int, unit: float
 ) -> None:
     """Draws the puppet and the paths of its points."""
-    marionette, run, theme = optimum.task.marionette, optimum.run, options.theme
+    marionette, run, theme = optimum.task.drawn_marionette, optimum.run, options.theme
     times = pose_times(marionette, run, poses)
     geometry = run_geometry(marionette, run.resample(times))
     width = _PUPPET_WIDTH_SHARE * sheet.width
