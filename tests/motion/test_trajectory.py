@@ -148,7 +148,7 @@ def test_npz_is_read_to_the_same_bits(run, tmp_path):
         assert getattr(loaded, name).tobytes() == getattr(run, name).tobytes()
     for name in ("tension", "limit_force", "taut", "ledger"):
         ours, theirs = getattr(loaded, name), getattr(run, name)
-        assert ours.names == theirs.names and ours.what == theirs.what
+        assert ours.names == theirs.names and ours.noun == theirs.noun
         assert ours.values.dtype == theirs.values.dtype
         assert ours.values.tobytes() == theirs.values.tobytes()
     assert loaded.events == run.events and loaded.events[0].kind is EventKind.CATCH
