@@ -17,6 +17,9 @@ import fantoccini as fan
 from fantoccini.app.cli import doctor
 from fantoccini.app.cli_support.terminal import escape_unprintable
 from fantoccini.base.errors import BuildError
+from fantoccini.model.puppet import bundled_files
+from fantoccini.stand import stand_names
+from fantoccini.theatre.plays import play_names
 
 pytestmark = pytest.mark.medium
 
@@ -254,12 +257,14 @@ def test_a_build_that_fails_ends_with_1(monkeypatch) -> None:
 def test_info_lists_the_bundled_puppets() -> None:
     text = fantoccini("info").stdout
     assert all(f"\n{name} " in text for name in (*fan.puppets.names(), *fan.puppets.scenes()))
-    for line in (
-        "Plays, for `play` and `perform`: chase, ",
-        "Performances, for `--inputs`: ",
-        "wave",
-    ):
-        assert line in text
+    for title, names in {
+        "Plays, for `play` and `perform`": play_names(),
+        "Performances, for `--inputs`": bundled_files.performances(),
+        "Clips, for `follow`": fan.theatre.clip_names(),
+        "Gestures, for scores and plays": fan.theatre.gesture_names(),
+        "Stands, for `stand`": stand_names(),
+    }.items():
+        assert names and f"{title}: {', '.join(names)}" in text
 
 
 def test_info_describes_a_puppet() -> None:

@@ -206,7 +206,7 @@ def test_distances_from_goals():
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"start": np.array([5])}, "start ranges from 5"),
+        ({"start_index": np.array([5])}, "start ranges from 5"),
         ({"n_segments": np.array([200])}, "n_segments ranges from 200"),
         ({"n_segments": np.array([0])}, "n_segments ranges from 0"),
         ({"n_prescribed": np.array([0])}, "law ranges from 0"),
@@ -216,7 +216,7 @@ def test_distances_from_goals():
 def test_indices_outside_of_arrays_are_refused(change, message):
     task = make_problem()
     task.rollouts.laws = []
-    arguments = {"start": np.zeros(1), "acceleration": np.zeros((1, 4, 3))} | change
+    arguments = {"start_index": np.zeros(1), "acceleration": np.zeros((1, 4, 3))} | change
     with pytest.raises(ValueError, match=message):
         task.rollouts.simulate(task.root, **arguments)
 

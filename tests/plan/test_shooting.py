@@ -71,7 +71,7 @@ def test_derivatives_are_those_of_larger_changes(shooting, V):
     )
     residual = (forward.residual[0] - backward.residual[0]) / (2.0 * size)
     assert np.linalg.norm(derivatives.residual @ x - residual) < 0.01 * np.linalg.norm(residual)
-    check, kind = derivatives.near.T
+    check, kind = derivatives.near_violations.T
     spare = (forward.constraints[0] - backward.constraints[0])[check, kind] / (2.0 * size)
     assert len(spare) and np.max(np.abs(derivatives.constraints @ x - spare)) < 0.05 * np.max(
         np.abs(spare)

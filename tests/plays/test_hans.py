@@ -106,7 +106,7 @@ def test_hans_steps_away_from_a_chair_and_his_legs_do_not_swing_out():
     strings = StringDistances(stage).motion(q_D, q_K, t)
     assert not strings.crossings()
     # Knees lifted by 6 cm turn the pelvis by 39 degrees; strings of leg and shoulder then come
-    # within 8 mm on a bench 0.15 m high.
+    # within 5.2 mm.
     assert min(near.distance for near in strings.nearest().strings) > 0.018
     poses = stage.poses(q_D, q_K)
     pelvis = poses[:, stage.link_index("pelvis"), :2, 0]

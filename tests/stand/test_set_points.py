@@ -170,7 +170,7 @@ def test_impossible_motions_of_a_stand_are_refused(lifted, hoist, tmp_path):
         set_points(weak, lifted, hoist, controller="grbl")
     forced = set_points(weak, lifted, hoist, controller="grbl", force=True)
     assert len(forced) == 76 and gcode(forced).splitlines()[-1] == "M2"
-    title = "; exported with --force: one_winch cannot do it: at t = 0.000 s the torque"
+    title = "; warning: one_winch cannot do it: at t = 0.000 s the torque"
     assert gcode(forced).splitlines()[1].startswith(title)
     able = loads_stand(ABLE)
     with pytest.raises(FileError, match="controller"):

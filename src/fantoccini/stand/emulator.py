@@ -37,7 +37,7 @@ MIN_SPEED = 1.0 / 60.0
 
 WORD_PATTERN = re.compile(r"([A-Z])([+-]?(?:\d+\.?\d*|\.\d+))")
 IGNORED_TEXT = re.compile(r"\([^)]*\)|;.*|\s")
-SUPPORTED_COMMANDS = {"G1", "G4", "G10", "G21", "G90", "G92", "G93", "G94", "M2"}
+SUPPORTED_COMMANDS = {"G1", "G4", "G10", "G21", "G90", "G92", "G93", "G94", "M2", "M400"}
 STRAIGHT_COSINE = 0.999999
 """|cos| of the angle of a corner above which the path counts as straight, or as reversed."""
 POLL_TIMEOUT = 0.02
@@ -213,7 +213,7 @@ class GrblMachine:
             self._move(target, feed / 60.0)
         if values:
             raise LineRefusedError(36)
-        if "M2" in commands:
+        if commands & {"M2", "M400"}:
             self.finish()
 
     def _move(self, target: dict[int, float], rate: float) -> None:

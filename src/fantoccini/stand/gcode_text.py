@@ -282,7 +282,7 @@ def _title(points: SetPoints) -> list[str]:
     """Comment lines: the stand, the size of the motion and the warning, if there is one."""
     name, seconds = points.map.stand.name, points.motion.t[-1]
     lines = [f"; {name}: {len(points)} set points in {seconds:.3f} s"]
-    return [*lines, f"; exported with --force: {points.warning}"] if points.warning else lines
+    return [*lines, f"; warning: {points.warning}"] if points.warning else lines
 
 
 def _header(points: SetPoints, settings: GrblSettings, is_marlin: bool) -> list[str]:

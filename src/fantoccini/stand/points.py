@@ -246,7 +246,7 @@ def set_points(
     if not check.ok and not force:
         raise StandError(
             f"{check.summary()}; `fantoccini stand check` lists remedies; --force (force=True) "
-            "exports the run nevertheless"
+            "ignores this"
         )
     n = int(np.floor(run.duration * rate + 1e-9))
     t = np.arange(n + 1) / rate

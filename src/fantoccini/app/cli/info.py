@@ -35,9 +35,10 @@ class _NotCachedError(Exception):
 
 
 def list_bundled() -> None:
-    """Prints tables of the bundled puppets and scenes, and the names of all other files."""
+    """Prints tables of the bundled puppets and scenes, and the names of other bundled files."""
     from fantoccini.stand import stand_names
     from fantoccini.theatre import clip_names, gesture_names
+    from fantoccini.theatre.cast import prop_names
     from fantoccini.theatre.plays import play_names
 
     bundled = {"Bundled puppets": bundled_files.names(), "Bundled scenes": bundled_files.scenes()}
@@ -53,6 +54,7 @@ def list_bundled() -> None:
         "Performances, for `--inputs`": bundled_files.performances(),
         "Clips, for `follow`": clip_names(),
         "Gestures, for scores and plays": gesture_names(),
+        "Props, for plays": prop_names(),
         "Stands, for `stand`": stand_names(),
     }
     for title, names in names_by_use.items():

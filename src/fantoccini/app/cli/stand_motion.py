@@ -174,7 +174,7 @@ def _emulator(name: str, settings: GrblSettings, quiet: bool) -> tuple[Emulator,
     def log_line(text: str, answer: str) -> None:
         if not quiet and answer != "ok":
             print_message(f"{name}: {text}: {answer}" if name else f"{text}: {answer}")
-        if text == "M2":
+        if text in ("M2", "M400"):
             ended.set()
 
     return Emulator(GrblMachine(settings), on_line=log_line), ended
@@ -209,7 +209,7 @@ def _load_points(
 ) -> SetPoints:
     marionette, trajectory = load_run(run, options.puppet, display)
     display.stage("checking, and computing set points")
-    return set_points(
+    points = set_points(
         stand,
         trajectory,
         marionette,
@@ -220,3 +220,6 @@ def _load_points(
         park=options.park,
         force=options.force or options.anyway,
     )
+    if points.warning:
+        print_message(points.warning)
+    return points

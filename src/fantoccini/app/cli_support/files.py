@@ -90,7 +90,7 @@ def inputs_path(path: Path) -> Path:
     names = bundled_files.performances()
     if name in names:
         return bundled_files.performance(name)
-    hint = did_you_mean(name, names) or f"; names are {', '.join(names)}"
+    hint = did_you_mean(name, names) or f"; the names are {', '.join(names)}"
     message = f"no such file, and no bundled performance with this name{hint}"
     raise InputError([Mistake(name, None, "", message)])
 

@@ -64,8 +64,8 @@ def start_state(
 ) -> State:
     """Start state as in :class:`fantoccini.lab.Trial`, projected onto strings and limits.
 
-    Prints the coordinates that the projection changed, those of ``start_values`` first, unless
-    ``quiet``.
+    Prints up to ``_MAX_REPORTED`` coordinates that the projection changed, those of
+    ``start_values`` first, then those that moved most, unless ``quiet``.
     """
     x = trial.start_state(marionette, inputs, start_values)
     coordinates = marionette.coordinates
@@ -77,11 +77,13 @@ def start_state(
         values = {**({} if inputs is None else inputs.first_values()), **start_values}
         displacement = np.abs(x.q_D - marionette.state(values).q_D)
         changed = np.flatnonzero(displacement > _MIN_REPORTED_MOVE)
-        order = sorted(changed, key=lambda i: coordinates.q_D[i] not in start_values)
+        order = sorted(
+            changed, key=lambda i: (coordinates.q_D[i] not in start_values, -displacement[i])
+        )
         texts = [f"{coordinates.q_D[i]} is {format_number(float(x.q_D[i]))}" for i in order]
         if texts:
-            rest = len(texts) - _MAX_REPORTED
-            more = f" and {rest} more" if rest > 0 else ""
+            n_hidden = len(texts) - _MAX_REPORTED
+            more = f" and {n_hidden} more" if n_hidden > 0 else ""
             print_message(
                 "changed the start to the nearest state that strings and limits allow: "
                 f"{', '.join(texts[:_MAX_REPORTED])}{more}"

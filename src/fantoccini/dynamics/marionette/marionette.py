@@ -133,7 +133,7 @@ class Marionette(CompiledPuppet):
                 begins at the dynamic ones; velocities of a state are ignored.
 
         Raises:
-            StateError: values of velocities; there is no equilibrium, or none was found.
+            StateError: ``values`` sets a velocity; there is no equilibrium, or none was found.
         """
         x = values if isinstance(values, State) else self.state(values)
         if not isinstance(values, State) and (np.any(x.v_D) or np.any(x.v_K)):

@@ -39,7 +39,7 @@ from fantoccini.theatre.cast.prop_gestures import (
     shifted,
     side_sign,
 )
-from fantoccini.theatre.cast.props import PlayProp, PropState, obstacle_top
+from fantoccini.theatre.cast.props import PlayProp, PropState, obstacle_top, prop_names
 from fantoccini.theatre.cast.result_cache import (
     NUMBERS_FORMAT,
     OutOfTime,
@@ -99,6 +99,7 @@ __all__ = [
     "obstacle_top",
     "play_timeline",
     "prop_gestures",
+    "prop_names",
     "read_cast",
     "read_clip",
     "reverse_waypoints",

@@ -108,7 +108,7 @@ class PropFile(Model):
     held_by: Name | None = Field(None, alias="held by")
     """The player on whose forearm it hangs at the start."""
     side: Literal["left", "right"] = "right"
-    """StageAngle of that forearm."""
+    """Side of that forearm."""
     at: StagePlace | None = None
     """The mark or place where it stands at the start."""
     on: Name | None = None
@@ -139,7 +139,7 @@ class LeashFile(Model):
     held_by: Name = Field(alias="held by")
     """The player that holds it."""
     side: Literal["left", "right"] = "right"
-    """StageAngle of the hand."""
+    """Side of the hand."""
     to: Name
     """The player on whose neck it ends."""
     length: PositiveLength
