@@ -40,8 +40,8 @@ def test_private_members_are_used_in_one_module_only():
 @pytest.mark.parametrize(
     ("name", "changed", "missing"),
     [
-        ("MEMBERS", ("gui._gone", "gui._gui_input_handle_from_uuid"), "ViserServer.gui._gone"),
-        ("MESSAGES", ("GoneMessage", "GuiUpdateMessage"), "_messages.GoneMessage"),
+        ("USED_MEMBERS", ("gui._gone", "gui._gui_input_handle_from_uuid"), "ViserServer.gui._gone"),
+        ("USED_MESSAGES", ("GoneMessage", "GuiUpdateMessage"), "_messages.GoneMessage"),
     ],
 )
 def test_a_viser_without_the_used_members_is_refused(monkeypatch, name, changed, missing):
