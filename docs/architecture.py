@@ -394,7 +394,7 @@ SEPARATE_SOLVERS = (
     (
         "pose nearest to a goal",
         "control/problems/balance.py",
-        "balanced",
+        "nearest_equilibrium",
         "q_D, q_K and tensions",
         "least squares of forces and goal residuals together, since the pose need not be an "
         "equilibrium; no library to compile. SciPy computes the tensions in a third of the time "
@@ -405,7 +405,7 @@ SEPARATE_SOLVERS = (
         "control/problems/standing.py",
         "stance",
         "none",
-        "no solver: a `balanced` pose, a `rest` above it, and runs that lower the puppet",
+        "no solver: a pose of `nearest_equilibrium`, a `rest` above it, and runs that lower the puppet",
     ),
 )
 """Problem, file, name, unknowns, and the reason why it is not one with the one before."""
