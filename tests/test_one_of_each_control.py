@@ -334,4 +334,4 @@ def test_one_function_carries_changes_across_impulses():
         for node in ast.walk(function)
         if isinstance(node, ast.Call) and ast.unparse(node.func) in parts
     }
-    assert users == {"dynamics/simulation/saltation.py: _carried"}
+    assert users == {"dynamics/simulation/saltation.py: _changes_after"}

@@ -81,7 +81,7 @@ def test_mistakes_are_collected_by_one_class():
         if isinstance(node, ast.Call)
         and isinstance(node.func, ast.Attribute)
         and node.func.attr == "error"
-        and any(isinstance(part, ast.Attribute) and part.attr == "found" for part in node.args)
+        and any(isinstance(part, ast.Attribute) and part.attr == "findings" for part in node.args)
     }
     assert collectors == {"base/documents/mistakes.py"}
     mistakes = Mistakes(Located(file="a.yaml", lines={("b",): 7}))

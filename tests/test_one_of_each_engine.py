@@ -185,7 +185,7 @@ def test_one_discrete_linearisation():
         if isinstance(node, ast.FunctionDef) and node.name == "linearise_steps"
     )
     named = [argument.arg for argument in function.args.args]
-    assert named == ["marionette", "given", "options", "buffer"], "not one argument for each array"
+    assert named == ["marionette", "inputs", "options", "buffer"], "not one argument for each array"
     arm = fan.puppets.arm2d()
     x = arm.rest({"hand.length": 0.8}).replace(v_D=[0.3, -0.2])
     single = arm.linearise_step(x, [0.4, -0.7], [0.01, -0.02])

@@ -73,7 +73,7 @@ FORMULAS = {
     "rotation about an axis": (r"\(1(\.0)? - \w+(\(\w+\))?\) \* (\w+) @ \3", {"rotation"}),
     "skew matrix": (r"\[0(\.0)?, -(\w+(\[\w\])?), \w+(\[\w\])?\], \[\2, 0", {"rotation"}),
     "nearest whole turn": (r"round\(.*/ (math\.tau|\(?2(\.0)? \* np\.pi)", {"rotation"}),
-    "quaternion product": (r"pw \* qv|\bw[01] \* w[01] - x[01] \* x[01]", {"rotation"}),
+    "quaternion product": (r"p_?w \* q_?v|\bw[01] \* w[01] - x[01] \* x[01]", {"rotation"}),
     "perpendicular vector": (r"np\.eye\(3\)\[np\.argmin\(np\.abs\(", {"vectors"}),
 }
 

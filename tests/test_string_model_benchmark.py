@@ -36,7 +36,9 @@ def test_a_chain_stretches_and_its_hand_is_elsewhere(both_models):
 
 
 def test_the_text_holds_both_tables(both_models, monkeypatch):
-    monkeypatch.setattr(report, "measure_models", lambda *_: [("massless", "-", both_models[0])] * 6)
+    monkeypatch.setattr(
+        report, "measure_models", lambda *_: [("massless", "-", both_models[0])] * 6
+    )
     monkeypatch.setattr(report, "PUPPET", dataclasses.replace(report.PUPPET, pieces=(4,)))
     text = report.chain_table()
     assert text.count("| massless |") == 12

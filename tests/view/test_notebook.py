@@ -133,7 +133,7 @@ def test_a_picture_that_fails_leaves_the_tables(monkeypatch):
     def fail(*args, **options):
         raise RuntimeError("no")
 
-    monkeypatch.setattr(notebook, "figure_of", fail)
+    monkeypatch.setattr(notebook, "state_figure", fail)
     page = Page(fan.puppets.arm2d()._repr_html_())
     assert page.images == []
     assert page.texts[:3] == ["arm2d", "degrees of freedom", "2"]

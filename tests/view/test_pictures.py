@@ -271,10 +271,10 @@ def test_matplotlib_and_ffmpeg_wait_for_the_first_picture():
 def test_no_display_and_no_pyplot(tmp_path):
     code = (
         "import sys\n"
-        "from view.still_life import bundled, swinging\n"
+        "from view.still_life import bundled_still_life, swinging_motion\n"
         "from fantoccini.output import view\n"
-        "m = bundled('string_pendulum')\n"
-        f"view.draw(m, swinging(m).state(0), {str(tmp_path / 'a.png')!r}, size=(100, 100))\n"
+        "m = bundled_still_life('string_pendulum')\n"
+        f"view.draw(m, swinging_motion(m).state(0), {str(tmp_path / 'a.png')!r}, size=(100, 100))\n"
         "print('matplotlib.pyplot' in sys.modules)"
     )
     environment = {"PYTHONPATH": ":".join(p for p in sys.path if p), "MPLBACKEND": "TkAgg"}

@@ -186,11 +186,11 @@ def leg_ratio(body_parts: BodyParts) -> float:
     return leg_length(body_parts.body_map) / _LEG_LENGTH
 
 
-def _rise_and_fall(progress: Array, step_time: float) -> Curve:
-    """Curve from 0 to 1 and back while s goes from 0 to 1, with its derivatives by time."""
-    is_rising = progress < 0.5
+def _rise_and_fall(phase: Array, step_time: float) -> Curve:
+    """Curve from 0 to 1 and back while the phase goes from 0 to 1, with its derivatives by time."""
+    is_rising = phase < 0.5
     value, rate, second_derivative = polynomial.minimum_jerk(
-        2.0 * np.where(is_rising, progress, 1.0 - progress)
+        2.0 * np.where(is_rising, phase, 1.0 - phase)
     )
     sign = np.where(is_rising, 2.0, -2.0) / step_time
     return value, sign * rate, 4.0 * second_derivative / step_time**2
