@@ -405,7 +405,7 @@ SEPARATE_SOLVERS = (
         "control/problems/standing.py",
         "stance",
         "none",
-        "no solver: a pose of `nearest_equilibrium`, a `rest` above it, and runs that lower the puppet",
+        "no solver: a pose of `nearest_equilibrium`, a `rest` above it, and lowering runs",
     ),
 )
 """Problem, file, name, unknowns, and the reason why it is not one with the one before."""
