@@ -30,7 +30,7 @@ def chapter(seeds: int) -> tuple[Section, list[Mark]]:
     ]
     for name in ("open loop, MuJoCo", "feedback, MuJoCo"):
         within, clear = (
-            feedback.half_absorbed_kick(rows, name, what) for what in ("within", "clear")
+            feedback.half_absorbed_kick(rows, name, count) for count in ("within", "clear")
         )
         section.parts.append(
             f"{name}: half of the runs absorb a kick of {within:.2g} rad/s ({clear:.2g} rad/s "

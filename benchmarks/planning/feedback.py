@@ -83,16 +83,16 @@ def measure(problem: Problem, seeds: Iterable[int], improve: float = 0.5) -> lis
     return rows
 
 
-def half_absorbed_kick(rows: Sequence[Row], name: str, what: str) -> float:
+def half_absorbed_kick(rows: Sequence[Row], name: str, count: str) -> float:
     """The size of kick that half of the runs absorb, interpolated between tested ones [rad/s].
 
     Args:
         rows: measured rows.
         name: ``open loop, MuJoCo`` or ``feedback, MuJoCo``.
-        what: ``within`` or ``clear``.
+        count: field of the rows, ``within`` or ``clear``.
     """
     shares = {
-        size: getattr(row, what) / row.runs
+        size: getattr(row, count) / row.runs
         for size in KICKS
         for row in rows
         if row.name == f"{name}, kicked by {size:g} rad/s"
@@ -158,7 +158,7 @@ def main() -> None:
     rows = measure(problem, range(arguments.seeds), arguments.improve)
     print(*rows, sep="\n")
     for name in ("open loop, MuJoCo", "feedback, MuJoCo"):
-        within, clear = (half_absorbed_kick(rows, name, what) for what in ("within", "clear"))
+        within, clear = (half_absorbed_kick(rows, name, count) for count in ("within", "clear"))
         print(f"{name}: half absorb {within:.2g} rad/s, {clear:.2g} touching nothing")
 
 

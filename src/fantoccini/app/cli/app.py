@@ -189,7 +189,7 @@ def rest(
 ) -> None:
     """Find the state in which a puppet hangs still: lengths, tensions, slack strings, contacts.
 
-    Exits with 2 if there is none. The last lines can be copied as the beginning of a CSV of inputs.
+    Exits with 2 if no state of rest exists. The last lines can begin a CSV file of inputs.
     """
     from fantoccini.app.cli.rest import describe_rest
 

@@ -1,4 +1,4 @@
-"""Footings of puppets on the stage, their ways, and the reasons why there is no way."""
+"""Footings of puppets on the stage, their walks, and reasons why no walk exists."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Footing:
 class Walk:
     """Steps from one footing to another, clear of others and obstacles.
 
-    The body sways up to ``fantoccini.theatre.gestures.walking.SWAY`` to each side of the way.
+    The body sways up to ``fantoccini.theatre.gestures.walking.SWAY`` to each side of the path.
 
     Attributes:
         start: footing before it begins.
@@ -86,7 +86,7 @@ class Walk:
 
 
 class Hindrance(Enum):
-    """Kind of obstruction of a way."""
+    """Kind of obstruction of a walk."""
 
     START_BLOCKED = "start blocked"
     GOAL_BLOCKED = "goal blocked"
@@ -98,7 +98,7 @@ class Hindrance(Enum):
 
 @dataclass(frozen=True)
 class NoPath:
-    """Reason why there is no way, with an alternative. Its truth value is False.
+    """Reason why no walk exists, with an alternative. Its truth value is False.
 
     Attributes:
         kind: kind of obstruction.

@@ -45,7 +45,7 @@ def plan_walk(
 ) -> Walk | NoPath:
     """Walk with the earliest arrival; among those the shortest, then the one with the fewest turns.
 
-    Ways lead over the corners of obstacles, places beside other players and places spread over
+    Walks turn at corners of obstacles, at places next to other players and at places spread over
     the stage. At samples 20 ms apart, until all others stand, two players that pass each other are
     at most 0.01 mm closer than their radii.
 
@@ -62,7 +62,7 @@ def plan_walk(
             ``begin`` by default [s].
 
     Returns:
-        The way, or the reason why there is none.
+        The walk, or the reason why no walk exists.
 
     Raises:
         ValueError: a time or a length is not greater than 0.
@@ -115,7 +115,7 @@ def _goal_obstruction(problem: WalkProblem, goal: Footing) -> NoPath | None:
 
 
 def _obstruction(problem: WalkProblem, goal: Footing, late_walk: Walk | None) -> NoPath:
-    """Reason why no way leads to a goal in time; ``late_walk`` is a way that takes too long."""
+    """Reason why no walk reaches a goal in time; ``late_walk`` is a walk that takes too long."""
     mover_names = tuple(mover.name for mover in problem.movers)
     roadmap = problem.roadmap(goal)
     if not np.any(np.isfinite(roadmap.cost_to_goal[START])):
@@ -131,7 +131,7 @@ def _obstruction(problem: WalkProblem, goal: Footing, late_walk: Walk | None) ->
 
 
 def _blocking_names(problem: WalkProblem, roadmap: Roadmap) -> tuple[str, ...]:
-    """Players or obstacles whose removal alone clears the way; all if there is none."""
+    """Players or obstacles that each block the goal alone; all of them if no one does."""
     names = []
     for k, region in enumerate(roadmap.obstacles):
         if roadmap.reached(roadmap.clear_legs[:k] + roadmap.clear_legs[k + 1 :])[GOAL]:

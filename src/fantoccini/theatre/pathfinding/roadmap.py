@@ -20,7 +20,7 @@ from fantoccini.theatre.gestures import Complex
 from fantoccini.theatre.pathfinding.regions import Rectangle, Region
 
 START, GOAL = 0, 1
-"""Indices of the way's ends among the points."""
+"""Indices of the start and the goal among the points."""
 MAX_STEP_TURN = np.radians(22.5)
 """Largest turn of a step [rad]."""
 METRE_COST, TURN_COST = 1e-3, 1e-6
@@ -32,7 +32,7 @@ CLEARANCE_TOLERANCE = 1e-9
 _MIN_TURN = 1e-10
 """Least turn that takes a step [rad]."""
 _N_SPREAD_PLACES = 48
-"""Number of places spread over the stage, where a puppet can make way."""
+"""Number of places spread over the stage, where a puppet can step aside."""
 _MERGE_DISTANCE = 0.01
 """Distance below which places are merged [m]."""
 _TURN_COSINES = np.cos(MAX_STEP_TURN * np.arange(1, round(np.pi / MAX_STEP_TURN))) - 1e-9

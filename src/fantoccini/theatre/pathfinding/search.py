@@ -1,9 +1,9 @@
-"""Earliest way over a roadmap past moving players: A* over places and their free intervals.
+"""Earliest path over a roadmap past moving players: A* over places and their free intervals.
 
 A state is a place, the heading with which the puppet came, and the time until which the place
 stays free. An earlier arrival in the same free interval can wait, so that only the earliest counts
 (safe-interval path planning, Phillips and Likhachev 2011). The heuristic is the cost of the
-remaining way past standing obstacles, with its turns; it is exact without other players.
+remaining path past standing obstacles, with its turns; it is exact without other players.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _MAX_STATES = 20000
 
 @dataclass(frozen=True)
 class Leg:
-    """Straight way between two points.
+    """Straight part of a path, between two points.
 
     Attributes:
         end_point: index of the point at its end.
@@ -91,7 +91,7 @@ class Search:
     _best_arrivals: dict[tuple[int, int], list[tuple[float, complex]]] = field(default_factory=dict)
 
     def run(self, heading: complex) -> list[Leg] | None:
-        """Legs of the earliest way; None if there is none.
+        """Legs of the earliest path to the goal; None if no path exists.
 
         Args:
             heading: heading at the start, complex of length 1.

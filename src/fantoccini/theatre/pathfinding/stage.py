@@ -21,11 +21,11 @@ from fantoccini.theatre.pathfinding.search import Leg, Search
 from fantoccini.theatre.pathfinding.traffic import MAX_SAMPLE_INTERVAL, OtherPlayer, Traffic
 
 HORIZON = 120
-"""Largest number of steps for which a puppet waits, at its start and on its way."""
+"""Largest number of steps for which a puppet waits, at its start and on its walk."""
 MAX_INTRUSION = 1e-5
 """Largest shortfall of the distance of two passing players, between samples [m]."""
 _N_PATH_POINTS = 8
-"""Number of points of another player's path that have places at both sides, to make way for it."""
+"""Number of points of another player's path that have places at both sides, to step aside for it."""
 _MOVING_MARGIN = 2e-3
 """Distance of turning points from moving players, in addition to the clearance [m]; more than the
 margin of the clearance for the time between samples."""
@@ -109,7 +109,7 @@ class WalkProblem:
         return is_clear
 
     def is_clear(self, walk: Walk) -> bool:
-        """Whether a way keeps clear of everything until all other players stand."""
+        """Whether a walk keeps clear of everything until all other players stand."""
         end = max([walk.end, *(mover.last_motion() for mover in self.movers)])
         n = int(np.ceil((end - self.begin) / MAX_SAMPLE_INTERVAL)) + 1
         t = np.linspace(self.begin, max(end, self.begin + MAX_SAMPLE_INTERVAL), n + 1)
@@ -124,7 +124,7 @@ class WalkProblem:
         )
 
     def n_waiting_steps(self, walk: Walk) -> int:
-        """Number of steps for which the puppet waits before a way and on it."""
+        """Number of steps for which the puppet waits before a walk and during it."""
         n_delay = round((walk.begin - self.begin) / self.step_time)
         return n_delay + sum(step.stands for step in walk.steps)
 
@@ -156,7 +156,7 @@ class WalkProblem:
         return walk if self.is_clear(walk) else None
 
     def _places(self, ends: Complex) -> Complex:
-        """Turning points of ways: places beside players, their paths and spread over the stage."""
+        """Turning points of walks: next to players and their paths, and spread over the stage."""
         groups = [ends]
         for other in self.movers:
             pass_distance = self.radius + other.radius

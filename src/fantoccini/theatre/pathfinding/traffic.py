@@ -157,7 +157,7 @@ class Traffic:
         return NEVER
 
     def _meets_nobody(self, path: Complex, start_steps: Indices, stride: int) -> Mask:
-        """(n,) bool, whether a way that begins at steps (n,) is free, checked with a stride."""
+        """(n,) bool, whether a path that begins at steps (n,) is free, checked with a stride."""
         samples = np.arange(0, len(path), stride)
         index = np.minimum(
             start_steps[:, None] * self.samples_per_step + samples,

@@ -1,4 +1,4 @@
-"""Gestures of players in cues: from files, or computed for a place or a way."""
+"""Gestures of players in cues: from files, or computed for a place or a walk."""
 
 from __future__ import annotations
 

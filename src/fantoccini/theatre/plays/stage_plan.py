@@ -14,7 +14,7 @@ from fantoccini.theatre.plays.walk_planner import WalkPlanner
 from fantoccini.theatre.script import ScriptLog
 
 _SAMPLE_INTERVAL = 0.1
-"""Time between places of a way [s]."""
+"""Time between places of a walk [s]."""
 
 
 @dataclass(frozen=True)

@@ -213,7 +213,7 @@ def after_walk(
 
     Args:
         actor: player before the walk.
-        walk: way of the walk.
+        walk: path and times of the walk.
         gestures: gestures with the steps.
         carrying_side: side of the forearm on which something hangs.
 

@@ -1,4 +1,4 @@
-"""WalkPlanner of players over the stage of a play, past obstacles and each other."""
+"""Planner of walks of players over the stage of a play, past obstacles and each other."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ _BODY_SWING = 0.02
 _MAX_SHIFTS = 4
 """Number of beginnings to try for a walk that must arrive in time."""
 _CHECK_INTERVAL = 0.02
-"""Time between checked places of a way [s]."""
+"""Time between checked places of a walk [s]."""
 _UPRIGHT_TOLERANCE = 1e-9
 """Tolerance of the vertical component of an upright box's axis."""
 _DISTANCE_TOLERANCE = 1e-4
@@ -161,7 +161,7 @@ class WalkPlanner:
     def in_the_way(
         self, player: Player, walk: Walk, tracks: Sequence[PlayerTrack], end_time: float = np.inf
     ) -> str | None:
-        """Name of a player that comes too near on a way until a time [s]; None if nobody does."""
+        """Name of a player that comes too near on a walk before a time [s]; None if nobody does."""
         end = min(walk.end, end_time)
         if end < walk.begin:
             return None
@@ -275,7 +275,7 @@ class WalkPlanner:
         return Rectangle((x_min + radius, y_min + radius), (x_max - radius, y_max - radius))
 
     def _reason(self, player: Player, failure: NoPath, act_start: float) -> str:
-        """Reason why there is no way, in words, with the nearest possible time and place."""
+        """Reason why no walk exists, in words, with the nearest possible time and place."""
         text = f"{player.name} cannot get there: {failure.reason}"
         if failure.earliest is not None:
             when = act_time_in_words(failure.earliest, act_start, self._log.beat)

@@ -124,7 +124,7 @@ class PropFile(Model):
                 f"found {count_text} of `held by` and a place; needed: one of them"
             )
         if self.held_by is None and "side" in self.model_fields_set:
-            raise validation_error("found `side` without `held by`; only what is held has it")
+            raise validation_error("found `side` without `held by`; only held props have a side")
         if self.held_by is not None and "facing" in self.model_fields_set:
             raise validation_error("found both `held by` and `facing`; needed: one of them")
         if self.shapes and self.like is not None:
