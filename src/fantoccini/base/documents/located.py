@@ -71,7 +71,7 @@ class Located:
             path = path[:-1]
         return self.lines.get(path)
 
-    def beside(self, name: str) -> FilePath | None:
+    def file_in_folder(self, name: str) -> FilePath | None:
         """A file in this one's folder or below it; None if it does not exist."""
         path = PurePosixPath(name)
         is_plain_name = (
@@ -89,7 +89,7 @@ class Located:
         Raises:
             StateError: there is none.
         """
-        file = self.beside(name)
+        file = self.file_in_folder(name)
         if file is None:
             raise StateError(f"found {shown(name)}: no file in this one's folder")
         return file

@@ -121,7 +121,7 @@ def _guess(reading: Reading[TaskFile]) -> Input:
 
 def _in_same_folder(located: Located, name: str) -> Path:
     """The path of a file in the folder of another."""
-    path = located.beside(name)
+    path = located.file_in_folder(name)
     if path is None:
         raise StateError(f"found {shown(name)}: no file in this one's folder")
     return path

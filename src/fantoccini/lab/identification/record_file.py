@@ -139,7 +139,7 @@ def record_files(path: str | os.PathLike[str]) -> tuple[Path, ...]:
     """
     file = read_document(path, RecordFile)
     names = [file.puppet, file.samples, *([] if file.inputs is None else [file.inputs])]
-    paths = [file.located.beside(name) for name in names]
+    paths = [file.located.file_in_folder(name) for name in names]
     return (Path(path), *(path for path in paths if path is not None))
 
 

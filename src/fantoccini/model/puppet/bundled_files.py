@@ -75,7 +75,7 @@ def named_file(name: str, located: Located) -> Path:
     bundled_names = (*names(), *scenes())
     if name in bundled_names and not os.path.exists(located.folder / name):
         return path(name)
-    file = located.beside(name)
+    file = located.file_in_folder(name)
     if file is not None:
         return file
     hint = did_you_mean(name, bundled_names)

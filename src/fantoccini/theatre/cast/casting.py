@@ -240,7 +240,7 @@ def _needed_limbs(names: Mapping[str, str]) -> tuple[str, ...]:
 
 def _puppet(spec: PlayerFile, spot: Spot, log: ScriptLog) -> Puppet | None:
     """Puppet of a player; None after a mistake."""
-    path = log.located.beside(spec.puppet) or bundled(spec.puppet)
+    path = log.located.file_in_folder(spec.puppet) or bundled(spec.puppet)
     if path is None:
         text = f"no file beside this one, and no bundled puppet, is called {spec.puppet!r}"
         log.mistakes.add((*spot, "puppet"), text)

@@ -176,11 +176,11 @@ def find_gesture_file(
     Raises:
         StateError: the name without ending has several meanings.
     """
-    if (exact_path := located.beside(name)) is not None:
+    if (exact_path := located.file_in_folder(name)) is not None:
         return exact_path
     files: dict[str, Path] = {}
     for suffix in (*_SUFFIXES, *suffixes):
-        path = located.beside(name + suffix)
+        path = located.file_in_folder(name + suffix)
         if path is not None and (suffix in (_TAKE_SUFFIX, *suffixes) or is_gesture(path)):
             files[path.name] = path
     if not files:

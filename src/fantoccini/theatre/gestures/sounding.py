@@ -34,7 +34,7 @@ def _sound(
     located = log.located
     spot = spot_of_sound(i, located)
     start = time_of(entry.at, (*spot, "at"))
-    path = located.beside(entry.file)
+    path = located.file_in_folder(entry.file)
     if path is None:
         text = f"no file of this file's folder is called {entry.file!r}"
         log.mistakes.add((*spot, "file"), text)

@@ -25,7 +25,7 @@ HORIZON = 120
 MAX_INTRUSION = 1e-5
 """Largest shortfall of the distance of two passing players, between samples [m]."""
 _N_PATH_POINTS = 8
-"""Number of points of another player's path that have places at both sides, to step aside for it."""
+"""Number of points of another player's path with places at both sides, to step aside for it."""
 _MOVING_MARGIN = 2e-3
 """Distance of turning points from moving players, in addition to the clearance [m]; more than the
 margin of the clearance for the time between samples."""
