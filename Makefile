@@ -23,9 +23,10 @@ demo: $(VENV)/stamp-demo
 show: $(VENV)/stamp-demo
 	$(BIN)/fantoccini show stroll
 
-# Tests marked neither medium nor slow. At -Og puppets compile fastest, and run slower.
+# Tests marked neither medium nor slow. At -Og puppets compile fastest, and run slower. Workers that
+# take tests from one another's files end together.
 test: $(VENV)/stamp-test
-	$(BIN)/python -m pytest -m "not medium and not slow" --puppet-flag=-Og
+	$(BIN)/python -m pytest -m "not medium and not slow" --puppet-flag=-Og --dist=worksteal
 
 # The others, the medium ones first, with the default compiler flags (files marked own_puppets: -Og).
 test-slow: $(VENV)/stamp-test

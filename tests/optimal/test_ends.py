@@ -38,6 +38,40 @@ def test_weights_of_a_pose_select_the_velocities_that_must_be_zero(small_crane: 
     assert np.max(np.abs(moving.run.v_K[-1])) < 1e-5 and np.max(np.abs(moving.run.v_D[-1])) > 1e-2
 
 
+@pytest.mark.parametrize("duration", [1.5, (0.3, 3.0)])
+def test_a_place_equals_the_pose_at_which_the_point_is_there(
+    small_crane: fan.Marionette, duration: float | tuple[float, float]
+):
+    """The bob's joint translates along x and z, so that its place is its pose."""
+    bounds = fan.control.Bounds(acceleration=2.0)
+    place = fan.control.Goal.point(small_crane, "bob", (0.4, 0.0, -0.9), speed_weight=0.1)
+    best = [
+        fan.optimise(
+            fan.Task(
+                small_crane,
+                small_crane.rest(),
+                duration,
+                end=end,
+                smooth=SMOOTH,
+                bounds=bounds,
+                interval=0.1,
+            )
+        )
+        for end in (place, {"bob.x": 0.4, "bob.z": -0.9})
+    ]
+    assert all(best), [motion.summary() for motion in best]
+    at_place = best[0].run.state(-1)
+    assert [at_place["bob.x"], at_place["bob.z"]] == pytest.approx([0.4, -0.9], abs=1e-5)
+    assert np.max(np.abs(at_place.v_D)) < 1e-5
+    assert best[0].cost == pytest.approx(best[1].cost, rel=1e-4)
+
+
+def test_a_box_is_only_for_plans(small_crane: fan.Marionette):
+    box = fan.control.Goal.point(small_crane, "bob", (0.3, -0.1, -1.1), to=(0.4, 0.1, -0.9))
+    with pytest.raises(fan.errors.StateError, match="a box"):
+        move_bob(small_crane, box)
+
+
 @pytest.mark.parametrize("end", [{"bob.x": (0.3, 0.4)}, lambda states: states.q_D[..., 0]])
 def test_ends_without_derivatives_are_only_for_plans(small_crane: fan.Marionette, end: object):
     with pytest.raises(fan.errors.StateError, match="which only plans support; needed: a state"):

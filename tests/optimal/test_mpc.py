@@ -82,6 +82,22 @@ def test_the_state_after_the_measurement_is_predicted(arm):
     assert late_mpc.step(x, later.t) == pytest.approx(prompt_mpc.step(later), abs=1e-6)
 
 
+@pytest.mark.parametrize("difference", [0.005, -0.005])
+def test_strings_longer_or_shorter_than_the_models_hardly_matter(arm, difference):
+    """Regression: with strings 5 mm off, feedback was worse than none."""
+    target, x0 = tip_position(arm, arm.rest()), kicked_state(arm, 0.5)
+    lengths = [i for i, name in enumerate(arm.coordinates.q_K) if name.endswith(".length")]
+    error = np.zeros(len(x0.q_K))
+    error[lengths] = difference
+    # The state of a puppet whose strings are longer or shorter than their commands.
+    stepper = arm.stepper(arm.project(x0.replace(q_K=x0.q_K + error)), fan.TimeStepping(dt=0.001))
+    mpc = holding_mpc(arm)
+    for _ in range(75):
+        x = stepper.state
+        stepper.advance(mpc.interval, mpc.step(x.replace(q_K=x.q_K - error, taut=x.taut)))
+    assert np.linalg.norm(tip_position(arm, stepper.state) - target) < 2e-3
+
+
 def test_missed_deadlines_and_skipped_intervals_are_counted(arm):
     x = kicked_state(arm, 1.0)
     quick, slow = holding_mpc(arm, deadline=100.0), holding_mpc(arm, deadline=1e-9)

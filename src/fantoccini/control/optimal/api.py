@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
-import math
 import time
 import warnings
 from collections.abc import Mapping
@@ -12,37 +10,18 @@ from typing import Any
 
 import numpy as np
 
-from fantoccini.base import (
-    OnProgress,
-    Progress,
-    SimulationError,
-    StateError,
-    Status,
-    UnknownNameError,
-    check_positive,
-)
-from fantoccini.control.optimal.attribution import (
-    NO_RESIDUAL,
-    Residual,
-    clearance_residual,
-    early_end_note,
-    end_residual,
-    largest_bound_violation,
-    largest_residual,
-    no_input_note,
-    search_status,
-    touch_residual,
-)
+from fantoccini.base import OnProgress, Progress, StateError, UnknownNameError, check_positive
 from fantoccini.control.optimal.dynamics import TimeSteps
 from fantoccini.control.optimal.finishing import confirm_event_driven, iterate, search_minimum
 from fantoccini.control.optimal.hybrid import ExactRuns, HybridRuns
 from fantoccini.control.optimal.iterations import Limits
-from fantoccini.control.optimal.multi_start import MAX_RESIDUAL, MultiStartSearch
+from fantoccini.control.optimal.multi_start import MultiStartSearch
 from fantoccini.control.optimal.objective import Objective
 from fantoccini.control.optimal.outlook import reach_notes
 from fantoccini.control.optimal.result import Optimum
 from fantoccini.control.optimal.shooting import EventRuns, StepRuns
 from fantoccini.control.optimal.sqp import Search
+from fantoccini.control.optimal.verdict import Verdict, measure
 from fantoccini.control.tasks import (
     Answer,
     AnswerStatus,
@@ -59,9 +38,6 @@ from fantoccini.control.tasks import (
 )
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import Input, State
-
-_CLEARANCE_SAMPLES = 5
-"""Samples in every interval at which the clearance of the answer is measured."""
 
 
 def optimise(
@@ -120,6 +96,8 @@ def optimise(
         marionette, obstacles = task.world
         task = replace(task, marionette=marionette, obstacles=obstacles)
     original_task = task
+    if task.required_end is not None and task.required_end.touches:
+        task = replace(task, touches=(*task.touches, *task.required_end.touches))
     if not task.conditions.slack:
         # The answer keeps the bounds of the task, since plans support none of tension.
         task = replace(task, bounds=task.bounds.with_taut_strings(task.marionette, task.x0))
@@ -144,12 +122,13 @@ def optimise(
         runs = HybridRuns(time_steps, free_parameters)
     first = first_nodes(task, free_parameters, task.guess if guess is None else guess)
     objective = Objective(task)
-    motion = iterate(runs, first, objective)
-    if motion is None:
+    first_motion = iterate(runs, first, objective)
+    if first_motion is None:
         raise StateError(
             "the first motion cannot be simulated; give a guess whose run arrives at its end"
         )
-    convergence, best = [(time.perf_counter() - start_time, motion.cost)], motion
+    motion = best = first_motion
+    convergence = [(time.perf_counter() - start_time, motion.cost)]
 
     # Two searches for each exploration: the exploration itself and its refinement.
     max_iterations = float(iterations * max(1, 2 * task.explore))
@@ -166,7 +145,7 @@ def optimise(
     search: Search | MultiStartSearch = Search(motion, runs, objective, limits)
     if task.explore and isinstance(runs, HybridRuns):
         search = MultiStartSearch(motion, runs, objective, limits, seed)
-    status = None
+    is_stopped = False
     try:
         if has_contact:
             motion = search.run(record_progress)
@@ -176,57 +155,34 @@ def optimise(
         else:
             runs, motion = search_minimum(runs, motion, objective, limits, record_progress)
     except KeyboardInterrupt:
-        motion, status = search.best if has_contact else best, AnswerStatus.STOPPED
-    objective, run = search.objective, motion.nodes.run
-    if run is None:  # it was part of a batch, which keeps no run
-        nodes_and_run = runs.run(motion.nodes)
-        if nodes_and_run is None:
-            text = "the motion found cannot be simulated again"
-            raise SimulationError(Status.NOT_SETTLED, text)
-        run = nodes_and_run[1]
+        motion, is_stopped = search.best if has_contact else best, True
+    objective = search.objective
     if exact and isinstance(runs, ExactRuns) and runs.reasons:
         text = f"the last derivatives were those of time steps: {runs.reasons[-1]}"
         warnings.warn(text, stacklevel=2)
-    approaches = objective.touches.closest_approaches(run, motion.nodes.parameters)
-    bound_error = max(
-        largest_bound_violation(objective, motion.nodes, motion.ends),
-        _clearance_violation(objective, runs, motion.nodes),
-        key=lambda track: track.rank,
+    verdict = Verdict.of(
+        measure(runs, motion, objective), first_motion, objective, limits, is_stopped
     )
-    end_error = end_residual(objective, motion.nodes)
-    largest = max(bound_error, end_error, touch_residual(approaches), key=lambda track: track.rank)
-    reason = ""
-    if has_contact and isinstance(runs, StepRuns):
-        status = AnswerStatus.NO_RUN
-    elif not largest.size <= MAX_RESIDUAL:
-        status, reason = AnswerStatus.VIOLATED, largest.text + early_end_note(motion, limits)
-    elif status is None:
-        status = search_status(motion, limits)
-        if status is not AnswerStatus.SOLVED:
-            reason = largest_residual(objective, motion, tolerance)
-    if end_error.size > tolerance and end_error.text in reason and not len(motion.nodes.parameters):
-        with contextlib.suppress(StateError, SimulationError):  # the note is optional
-            reason += no_input_note(
-                motion.nodes, time_steps.linearise(motion.nodes), objective.end_gap(motion.nodes)
-            )
+    measured = verdict.measured
+    motion = measured.motion
     return Optimum(
         original_task,
-        status,
-        run,
+        verdict.status,
+        measured.run,
         motion.nodes.inputs(),
         motion.cost,
         motion.kkt,
         motion.stationarity,
-        bound_error.size,
-        end_error.size,
-        approaches,
+        measured.bound.size,
+        measured.end.size,
+        measured.approaches,
         motion.iterations,
         time.perf_counter() - start_time,
         tuple(convergence),
-        reason,
+        verdict.reason,
         motion,
         objective,
-        runs,
+        measured.runs,
     )
 
 
@@ -332,25 +288,15 @@ def refuse_winches(marionette: Marionette, caller: str) -> None:
         )
 
 
-def _clearance_violation(objective: Objective, runs: EventRuns, nodes: Nodes) -> Residual:
-    """The largest violation of the required clearance, also between the nodes."""
-    clearances = objective.rows.clearances
-    if clearances is None:
-        return NO_RESIDUAL
-    nodes_and_run = runs.run(nodes.refined(_CLEARANCE_SAMPLES))
-    if nodes_and_run is None:
-        return Residual(math.inf, "the run cannot be repeated to measure its clearances")
-    return clearance_residual(clearances, nodes_and_run[1])
-
-
 def check_task(task: Task) -> None:
     """Raises StateError if a task cannot be optimised, or starts beyond its bounds."""
     marionette = task.marionette
     refuse_winches(marionette, "optimise")
     if task.end is not None and task.required_end is None:
         raise StateError(
-            "optimise: the task's end is an interval, a point, a touch or a function, which only "
-            "plans support; needed: a state, values of coordinates, tracks or touches"
+            "optimise: the task's end is an interval, a box, a touch or a function, which only "
+            "plans support; needed: a state, values of coordinates, the place of a point, tracks "
+            "or touches"
         )
     if task.is_free and any(
         callable(x.path) or isinstance(x.path, (tuple, Clip)) for x in task.tracks

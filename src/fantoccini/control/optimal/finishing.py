@@ -44,6 +44,17 @@ def iterate(runs: EventRuns, nodes: Nodes, objective: Objective) -> Iterate | No
     return Iterate(nodes_and_run[0], ends, objective.cost(nodes_and_run[0], ends))
 
 
+def event_driven_runs(runs: EventRuns, deadline: float = 0.0) -> EventRuns:
+    """Event-driven runs of the same puppet, with time for one of them at least.
+
+    Args:
+        runs: runs by any method.
+        deadline: time of ``time.perf_counter`` until which there is time in any case [s].
+    """
+    deadline = max(deadline, time.perf_counter() + _CONFIRMATION_TIME)
+    return EventRuns(runs.steps, runs.free_parameters, deadline)
+
+
 def search_minimum(
     runs: EventRuns, motion: Iterate, objective: Objective, limits: Limits, progress: OnProgress
 ) -> tuple[EventRuns, Iterate]:
@@ -171,9 +182,7 @@ def confirm_event_driven(
     The motion of time steps is returned if the event-driven run does not arrive in time.
     """
     start_time = time.perf_counter()
-    event_runs = EventRuns(
-        runs.steps, runs.free_parameters, max(limits.deadline, start_time + _CONFIRMATION_TIME)
-    )
+    event_runs = event_driven_runs(runs, limits.deadline)
     event_iterate = iterate(event_runs, motion.nodes, objective)
     if event_iterate is None:
         return runs, motion

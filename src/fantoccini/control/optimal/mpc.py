@@ -24,7 +24,7 @@ from fantoccini.control.optimal.api import refuse_winches, tracks_of
 from fantoccini.control.optimal.clamped import ClampedSteps
 from fantoccini.control.optimal.dynamics import Ends
 from fantoccini.control.optimal.objective import Objective
-from fantoccini.control.optimal.prediction import Predictions
+from fantoccini.control.optimal.prediction import Predictions, fitted_to_strings
 from fantoccini.control.tasks import Bounds, Nodes, Smooth, Target, Task, Track
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import State
@@ -87,6 +87,10 @@ class MPC:
     The result applies for ``interval`` from a time ``t``. If ``t`` is later than the measurement,
     because the update takes time, the state is predicted until then under the earlier results. A
     result that comes too late is replaced by :meth:`acceleration`, the plan of the last update.
+
+    Strings of the real puppet may be longer or shorter than those of the model, by millimetres:
+    see :func:`~fantoccini.control.optimal.prediction.fitted_to_strings`. Positions then keep their
+    bounds up to that difference.
 
     Strings may be slack, and solids may touch: predictions are time steps, and derivatives hold for
     the strings that pull in them and for the points that stick, slide or are open.
@@ -218,6 +222,7 @@ class MPC:
         """
         began = time.perf_counter()
         self.marionette.check_state(x)
+        x = fitted_to_strings(self.marionette, x)
         t = x.t if t is None else float(t)
         if not x.t - 1e-9 <= t < math.inf:
             raise StateError(f"t is {t:g} s, before the state's time of {x.t:g} s")

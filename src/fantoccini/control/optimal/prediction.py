@@ -19,6 +19,13 @@ from fantoccini.motion import State
 
 _STATE_FIELDS = ("q_D", "v_D", "q_K", "v_K")
 
+_FIT_ITERATIONS = 2
+"""Newton iterations of a correction, of which the second leaves micrometres of centimetres."""
+_MAX_CLOSING_GAP = 1e-3
+"""Largest gap of a string that counts as taut because it closes in the present time step [m]."""
+_MIN_SINGULAR_VALUE = 1e-6
+"""Singular values below this share of the largest count as 0."""
+
 
 class Predictions:
     """Rollouts of several driven motions at once, from one state.
@@ -88,6 +95,28 @@ class Predictions:
         motion = {name: getattr(x0, name) for name in _STATE_FIELDS}
         self._record.begin(**motion, p=self._marionette.p, slip=np.zeros(1))
         return self._record
+
+
+def fitted_to_strings(marionette: Marionette, x: State) -> State:
+    """A measured state whose driven coordinates are corrected so that its taut strings fit.
+
+        min |dq_K|   with   h_i + A_K,i dq_K = 0   for h_i > 0, and for taut strings
+
+    Where a string of the real puppet is longer than that of the model, the measured distance of its
+    ends exceeds its length; where it is shorter, the string is taut (``x.taut``) at a smaller
+    distance. The correction counts the difference as length of the string, or as a displacement of
+    its upper end. Strings that no driven coordinate reaches keep the difference.
+    """
+    n_strings, q_K = len(marionette.tree.strings), x.q_K
+    is_taut = x.taut[:n_strings] if len(x.taut) else np.zeros(n_strings, dtype=bool)
+    for _ in range(_FIT_ITERATIONS):
+        fitted = x.replace(q_K=q_K)
+        h = marionette.constraint(fitted)[:n_strings]
+        misfits = (h > 0.0) | (is_taut & (h < -_MAX_CLOSING_GAP))
+        A_K = marionette.A_K(fitted)[:n_strings][misfits]
+        dq_K = -np.linalg.pinv(A_K, _MIN_SINGULAR_VALUE) @ h[misfits]
+        q_K = marionette.integrate(q_K, dq_K, driven=True)
+    return x.replace(q_K=q_K, taut=x.taut)
 
 
 def _is_done(record: LaneRecord) -> Mask:

@@ -276,7 +276,9 @@ class TouchTerms:
         )
         r, v, acc = np.zeros((3, n, 3))
         for k in range(n):
-            at_end = times[k] >= end  # the moment moves with the end of the motion
+            at_end = (
+                times[k] >= end - _EDGE_TOLERANCE
+            )  # the moment moves with the end of the motion
             r[k] = offsets(k, times[k : k + 1])[0]
             derivatives = self._derivatives(
                 k, nodes, int(intervals[k]), float(fractions[k]), at_end

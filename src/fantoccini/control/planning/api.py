@@ -19,7 +19,6 @@ from fantoccini.dynamics.marionette import Marionette
 from fantoccini.model.puppet import Obstacle
 from fantoccini.motion import State
 
-_TASK_OPTIONS = ("rollouts",)
 _PROBLEM_OPTIONS = tuple(inspect.signature(Problem).parameters)[3:]
 _POLISHED_DISTANCE = 1e-3
 """Distance from the goal at which polished plans must end, while plans are improved."""
@@ -50,7 +49,7 @@ def plan(
 
     Args:
         marionette, start, goal, obstacles, options: see :class:`Problem`. Or a :class:`Task` alone,
-            with ``rollouts`` as the only other option, which replaces those of its conditions.
+            whose ``conditions`` hold the options.
         planner, time_limit, iterations, improve, confirm, objective, seed: see
             :class:`SearchOptions`.
 
@@ -65,12 +64,12 @@ def plan(
         TypeError: unknown option.
     """
     search = SearchOptions(planner, time_limit, iterations, improve, confirm, objective, seed)
-    allowed_options = _TASK_OPTIONS if isinstance(marionette, Task) else _PROBLEM_OPTIONS
+    allowed_options = () if isinstance(marionette, Task) else _PROBLEM_OPTIONS
     _refuse_unknown("plan", options, (*allowed_options, *SearchKeywords.__annotations__))
     if isinstance(marionette, Task):
         if start is not None or goal is not None or obstacles:
             raise StateError("plan: a task has its start, end and obstacles; give no others")
-        return solve(Problem.from_task(marionette, **options), search)
+        return solve(Problem.from_task(marionette), search)
     if start is None or goal is None:
         raise StateError("plan: found no start or no goal; needed: both, or a Task alone")
     return solve(Problem(marionette, start, goal, obstacles, **options), search)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable, Mapping
-from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
@@ -110,18 +109,15 @@ class Problem:
         self._prepare(task)
 
     @classmethod
-    def from_task(cls, task: Task, *, rollouts: RolloutOptions | None = None) -> Problem:
+    def from_task(cls, task: Task) -> Problem:
         """The problem of a task. A state at its end counts with its dynamic part and velocities.
 
         Args:
             task: the task; its tracks and smoothness are ignored.
-            rollouts: options of rollouts; they replace those of the task's conditions.
 
         Raises:
             StateError: task without an end, or with parts that plans do not support.
         """
-        if rollouts is not None:
-            task = replace(task, conditions=replace(task.conditions, rollouts=rollouts))
         problem = cls.__new__(cls)
         problem._prepare(task)
         return problem

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,7 +10,8 @@ import numpy as np
 from fantoccini.base import Array, Mask
 from fantoccini.control.tasks.goals import Goal
 from fantoccini.control.tasks.nodes import Nodes
-from fantoccini.kernel.runtime import POSE
+from fantoccini.control.tasks.touch import Touch
+from fantoccini.kernel.runtime import POINT, POSE
 from fantoccini.model.tree import CoordinateTable
 from fantoccini.motion import State
 
@@ -21,10 +23,12 @@ class End:
     Attributes:
         state: a state with these numbers.
         required: (n_z,) bool, the entries of z = (dq_D, dv_D, dq_K, dv_K) that are required.
+        touches: places that points of bodies must reach at the end.
     """
 
     state: State
     required: Mask
+    touches: tuple[Touch, ...] = ()
 
     @classmethod
     def full_state(cls, table: CoordinateTable, state: State) -> End:
@@ -32,27 +36,38 @@ class End:
         return cls(state, np.ones(2 * (table.n_vD + table.n_vK), dtype=bool))
 
     @classmethod
-    def of_goal(cls, goal: Goal, x0: State) -> End | None:
-        """The end at a goal's pose; None for goals that do not fix values of coordinates.
+    def of_goal(cls, goal: Goal, x0: State, end: float) -> End | None:
+        """The end at a goal's pose or place; None for any other goal, such as an interval.
 
         Velocities that the goal weights are required, too: dynamic and driven ones separately.
 
         Args:
             goal: goal of a plan.
             x0: start of the motion, for the numbers that are not required.
+            end: the latest end of the motion [s].
         """
         numbers, table = goal.numbers, goal.marionette.coordinates
-        is_pose = numbers.kind == POSE and goal.function is None and not goal.touches
-        if not is_pose or not np.array_equal(numbers.low, numbers.high):
+        if goal.function is not None or goal.touches or numbers.kind not in (POSE, POINT):
             return None
         n, k = table.n_vD, table.n_vK
         required = np.zeros(2 * (n + k), dtype=bool)
+        required[n : 2 * n] = numbers.speed_weight > 0.0
+        required[2 * n + k :] = numbers.driven_weight > 0.0
+        state = x0.replace(v_D=numbers.v_D, v_K=numbers.v_K)
+        if numbers.kind == POINT:
+            if not np.array_equal(numbers.place, numbers.place_high):
+                return None
+            body = goal.marionette.tree.links[numbers.link].name
+            # The window is the last moment only, also of a shorter motion.
+            between = (math.nextafter(end, x0.t), math.inf)
+            at = tuple(float(x) for x in numbers.at)
+            return cls(state, required, (Touch(body, numbers.place, at, between),))
+        if not np.array_equal(numbers.low, numbers.high):
+            return None
         required[:n] = numbers.weight > 0.0
         for _, v in table.quaternions_D:  # their weight is that of the first velocity
             required[v : v + 3] = required[v]
-        required[n : 2 * n] = numbers.speed_weight > 0.0
-        required[2 * n + k :] = numbers.driven_weight > 0.0
-        return cls(x0.replace(q_D=numbers.low, v_D=numbers.v_D, v_K=numbers.v_K), required)
+        return cls(state.replace(q_D=numbers.low), required)
 
     def gap(self, nodes: Nodes) -> Array:
         """(n_z,) change from the last node to the end; 0 for entries that are not required."""

@@ -56,9 +56,10 @@ class Task:
         smooth: weights of the inputs' accelerations and their rates.
         bounds: bounds of the motion.
         end: state at the end, if any; dynamic and driven coordinates and velocities. Or a pose
-            (``{"elbow": 1.2}``, :meth:`fantoccini.control.Goal.pose`), with the other coordinates
-            free. Plans also accept intervals, any other :class:`fantoccini.control.Goal`, or a
-            function of :class:`fantoccini.control.StateArrays` that returns distances.
+            (``{"elbow": 1.2}``, :meth:`fantoccini.control.Goal.pose`) or a place of a point
+            (:meth:`fantoccini.control.Goal.point`), with the other coordinates free. Plans also
+            accept intervals, boxes, any other :class:`fantoccini.control.Goal`, or a function of
+            :class:`fantoccini.control.StateArrays` that returns distances.
         periodic: instead of ``end``: the motion ends in the state in which it began, except for
             displacements of these scalar coordinates [m or rad]; ``{}`` for no displacement.
         guess: initial guess of the inputs' motion, used if the search is given no other: an input,
@@ -160,7 +161,8 @@ class Task:
         if isinstance(self.end, State):
             return End.full_state(table, self.end)
         if isinstance(self.end, (Goal, Mapping)):
-            return End.of_goal(Goal.of(self.marionette, self.end), self.x0)
+            end = self.x0.t + self.max_duration
+            return End.of_goal(Goal.of(self.marionette, self.end), self.x0, end)
         return None
 
     @property

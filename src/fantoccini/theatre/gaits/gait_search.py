@@ -4,7 +4,8 @@
 
 Feet that lift or stand too little, a tilting trunk and a wrong distance add penalties. A second run
 with half the time step then decides whether the puppet walks. Only this one has contact forces: the
-search measures the slide of the lowest points. The cache keeps gait and verdict.
+search measures the slide of the lowest points, and of corners of soles. The cache keeps gait and
+verdict.
 """
 
 from __future__ import annotations

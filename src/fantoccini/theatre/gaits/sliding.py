@@ -9,9 +9,8 @@ nearest one then. On a foot that rolls the point moves, and nothing slides.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import pairwise, product
 
 import numpy as np
 
@@ -232,44 +231,49 @@ def _slides(points: ContactPoints, poses: Array) -> Array:
 
 
 def _lowest(shapes: tuple[Shape, ...], poses: Array, floor: float) -> tuple[Array, Array]:
-    """(T,) height of the lowest point of shapes, and (T,) its slide until the next sample [m].
+    """(T,) height of the lowest point of shapes, and (T,) slide until the next sample [m].
 
-    The slide follows the material point that is lowest now; it is 0 unless the foot is on the floor
-    now and at the next sample.
+    Material points that are lowest now are followed, and all corners of boxes, so that a sole that
+    pivots slides. Of those on the floor now and at the next sample, the one that slides farthest
+    counts.
     """
     R, r = poses[:, :, :3], poses[:, :, 3]
     below = -R[:, 2, :]
-    points = np.stack([support(shape)(below) for shape in shapes])
-    z = np.einsum("ti,sti->st", R[:, 2, :], points) + r[:, 2] - floor
-    lowest = np.argmin(z, axis=0)
-    at = points[lowest, np.arange(len(r))]
-    height = z[lowest, np.arange(len(r))]
-    position = np.einsum("tij,tj->ti", R, at) + r
-    next_position = np.einsum("tij,tj->ti", R[1:], at[:-1]) + r[1:]
-    distance = np.linalg.norm((next_position - position[:-1])[:, :2], axis=1)
+    points = np.concatenate([_low_points(shape, below) for shape in shapes])
+    position = np.einsum("tij,stj->sti", R, points) + r
+    next_position = np.einsum("tij,stj->sti", R[1:], points[:, :-1]) + r[1:]
+    height = position[..., 2] - floor
+    distance = np.linalg.norm((next_position - position[:, :-1])[..., :2], axis=-1)
     is_down = height < MAX_SLIDING_HEIGHT
-    return height, np.append(np.where(is_down[:-1] & is_down[1:], distance, 0.0), 0.0)
+    slides = np.where(is_down[:, :-1] & is_down[:, 1:], distance, 0.0).max(axis=0)
+    return height.min(axis=0), np.append(slides, 0.0)
 
 
-def support(shape: Shape) -> Callable[[Array], Array]:
-    """Support function of a shape: directions (n, 3) -> farthest points (n, 3), body axes [m]."""
+def _low_points(shape: Shape, below: Array) -> Array:
+    """(S, T, 3) points of a shape, in the body's axes, that may be lowest [m].
 
-    def of_ball(d: Array) -> Array:
-        return d / np.linalg.norm(d, axis=1, keepdims=True)
+    Args:
+        shape: the shape.
+        below: (T, 3) directions downwards in the body's axes, unit vectors.
 
+    Raises:
+        TypeError: it is not a shape.
+    """
     if isinstance(shape, Sphere):
-        return lambda d: np.array(shape.at) + shape.radius * of_ball(d)
+        return (np.array(shape.at) + shape.radius * below)[None]
     if isinstance(shape, Capsule):
-        a, b = np.array(shape.from_), np.array(shape.to)
-        return lambda d: np.where((d @ (b - a) > 0.0)[:, None], b, a) + shape.radius * of_ball(d)
+        return np.array([shape.from_, shape.to])[:, None] + shape.radius * below
     if isinstance(shape, Mesh):
-        corners = np.asarray(load_mesh(shape).vertices)
-        return lambda d: corners[np.argmax(d @ corners.T, axis=1)]
+        vertices = np.asarray(load_mesh(shape).vertices)
+        return vertices[np.argmax(below @ vertices.T, axis=1)][None]
     if not isinstance(shape, Box | Ellipsoid):
         raise TypeError(f"{type(shape).__name__} is not a shape")
     Q = np.eye(3) if shape.orientation is None else shape.orientation.matrix
     if isinstance(shape, Box):
-        half = 0.5 * np.array(shape.size)
-        return lambda d: np.array(shape.at) + (np.where(d @ Q >= 0.0, 1.0, -1.0) * half) @ Q.T
+        signs = np.array(list(product((-1.0, 1.0), repeat=3)))
+        corners = np.array(shape.at) + (0.5 * signs * np.array(shape.size)) @ Q.T
+        return np.repeat(corners[:, None], len(below), axis=1)
     radii = np.array(shape.radii)
-    return lambda d: np.array(shape.at) + (of_ball((d @ Q) * radii) * radii) @ Q.T
+    scaled = (below @ Q) * radii
+    farthest = scaled / np.linalg.norm(scaled, axis=1, keepdims=True) * radii
+    return (np.array(shape.at) + farthest @ Q.T)[None]

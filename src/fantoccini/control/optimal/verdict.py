@@ -1,0 +1,194 @@
+"""The verdict on the motion of a search: whether it keeps its bounds and reaches its end."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import time
+from dataclasses import dataclass, replace
+
+from fantoccini.base import SimulationError, StateError, Status
+from fantoccini.control.optimal.attribution import (
+    NO_RESIDUAL,
+    Residual,
+    clearance_residual,
+    early_end_note,
+    end_residual,
+    largest_bound_violation,
+    largest_residual,
+    no_input_note,
+    search_status,
+    touch_residual,
+)
+from fantoccini.control.optimal.finishing import event_driven_runs, iterate
+from fantoccini.control.optimal.iterations import Limits
+from fantoccini.control.optimal.multi_start import MAX_RESIDUAL
+from fantoccini.control.optimal.objective import Objective
+from fantoccini.control.optimal.shooting import EventRuns, StepRuns
+from fantoccini.control.optimal.sqp import Iterate
+from fantoccini.control.tasks import AnswerStatus, ClosestApproach, Nodes
+from fantoccini.motion import Trajectory
+
+_CLEARANCE_SAMPLES = 5
+"""Samples in every interval at which the clearance of a motion is measured."""
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredMotion:
+    """A motion with its residuals, also between the nodes.
+
+    Attributes:
+        motion: the motion.
+        run: its run.
+        runs: simulates such motions.
+        bound, end: the largest violation of a bound and of the end.
+        approaches: the closest approach of every touch.
+    """
+
+    motion: Iterate
+    run: Trajectory
+    runs: EventRuns
+    bound: Residual
+    end: Residual
+    approaches: tuple[ClosestApproach, ...]
+
+    @property
+    def largest(self) -> Residual:
+        """The largest residual."""
+        residuals = (self.bound, self.end, touch_residual(self.approaches))
+        return max(residuals, key=lambda residual: residual.rank)
+
+    @property
+    def is_event_driven(self) -> bool:
+        """Whether the run is event-driven."""
+        return not isinstance(self.runs, StepRuns)
+
+    @property
+    def holds(self) -> bool:
+        """Whether an event-driven run keeps its bounds, and reaches its end and places."""
+        return self.is_event_driven and self.largest.size <= MAX_RESIDUAL
+
+
+@dataclass(frozen=True, eq=False)
+class Verdict:
+    """The motion that a search returns, whether it holds, and why the search ended there.
+
+    Attributes:
+        measured: the motion of the search, or the first motion if only that one holds.
+        status: see :class:`AnswerStatus`.
+        reason: the largest residual in words; may be empty.
+    """
+
+    measured: MeasuredMotion
+    status: AnswerStatus
+    reason: str
+
+    @classmethod
+    def of(
+        cls,
+        last: MeasuredMotion,
+        first: Iterate,
+        objective: Objective,
+        limits: Limits,
+        is_stopped: bool,
+    ) -> Verdict:
+        """The verdict on a search.
+
+        Args:
+            last: the motion at its end.
+            first: the motion at its start.
+            objective: cost and bounds.
+            limits: limits of the search.
+            is_stopped: whether Ctrl-C ended it.
+        """
+        motion = last.motion
+        if last.holds:
+            status = AnswerStatus.STOPPED if is_stopped else search_status(motion, limits)
+            is_solved = status in (AnswerStatus.SOLVED, AnswerStatus.STOPPED)
+            reason = "" if is_solved else largest_residual(objective, motion, limits.tolerance)
+            return cls(last, status, reason + _no_input_note(last, objective, limits, reason))
+        status = AnswerStatus.VIOLATED if last.is_event_driven else AnswerStatus.NO_RUN
+        reason = ""
+        if last.is_event_driven:
+            reason = last.largest.text + early_end_note(motion, limits)
+            reason += _no_input_note(last, objective, limits, reason)
+        measured_first = _measured_first_motion(last.runs, first, objective)
+        if measured_first is None or not measured_first.holds:
+            return cls(last, status, reason)
+        first = replace(measured_first.motion, iterations=motion.iterations)
+        reason = (
+            "this is the first motion; that of the search does not hold: "
+            f"{reason or status.message}"
+        )
+        status = _status_of_first_motion(motion, limits, is_stopped)
+        return cls(replace(measured_first, motion=first), status, reason)
+
+
+def measure(runs: EventRuns, motion: Iterate, objective: Objective) -> MeasuredMotion:
+    """A motion with its residuals.
+
+    Raises:
+        SimulationError: the motion cannot be simulated again.
+    """
+    run = motion.nodes.run
+    if run is None:  # it was part of a batch, which keeps no run
+        nodes_and_run = runs.run(motion.nodes)
+        if nodes_and_run is None:
+            text = "the motion found cannot be simulated again"
+            raise SimulationError(Status.NOT_SETTLED, text)
+        run = nodes_and_run[1]
+    bound = max(
+        largest_bound_violation(objective, motion.nodes, motion.ends),
+        _clearance_violation(objective, runs, motion.nodes),
+        key=lambda residual: residual.rank,
+    )
+    return MeasuredMotion(
+        motion,
+        run,
+        runs,
+        bound,
+        end_residual(objective, motion.nodes),
+        objective.touches.closest_approaches(run, motion.nodes.parameters),
+    )
+
+
+def _measured_first_motion(
+    runs: EventRuns, first: Iterate, objective: Objective
+) -> MeasuredMotion | None:
+    """The event-driven run of the first motion with its residuals; None if it does not arrive."""
+    event_runs = event_driven_runs(runs)
+    event_iterate = iterate(event_runs, first.nodes, objective)
+    if event_iterate is None:
+        return None
+    return measure(replace(event_runs, deadline=math.inf), event_iterate, objective)
+
+
+def _status_of_first_motion(last: Iterate, limits: Limits, is_stopped: bool) -> AnswerStatus:
+    if is_stopped:
+        return AnswerStatus.STOPPED
+    if time.perf_counter() > limits.deadline:
+        return AnswerStatus.TIMEOUT
+    is_last = last.iterations >= limits.iterations
+    return AnswerStatus.ITERATIONS if is_last else AnswerStatus.STALLED
+
+
+def _no_input_note(last: MeasuredMotion, objective: Objective, limits: Limits, reason: str) -> str:
+    """Note on a coordinate of the end that no input moves; empty if there is none."""
+    nodes, end = last.motion.nodes, last.end
+    if not end.size > limits.tolerance or end.text not in reason or len(nodes.parameters):
+        return ""
+    with contextlib.suppress(StateError, SimulationError):  # the note is optional
+        linear = last.runs.steps.linearise(nodes)
+        return no_input_note(nodes, linear, objective.end_gap(nodes))
+    return ""
+
+
+def _clearance_violation(objective: Objective, runs: EventRuns, nodes: Nodes) -> Residual:
+    """The largest violation of the required clearance, also between the nodes."""
+    clearances = objective.rows.clearances
+    if clearances is None:
+        return NO_RESIDUAL
+    nodes_and_run = runs.run(nodes.refined(_CLEARANCE_SAMPLES))
+    if nodes_and_run is None:
+        return Residual(math.inf, "the run cannot be repeated to measure its clearances")
+    return clearance_residual(clearances, nodes_and_run[1])
