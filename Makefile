@@ -23,8 +23,8 @@ demo: $(VENV)/stamp-demo
 show: $(VENV)/stamp-demo
 	$(BIN)/fantoccini show stroll
 
-# Tests marked neither medium nor slow. At -Og puppets compile fastest, and run slower. Workers that
-# take tests from one another's files end together.
+# Tests marked neither medium nor slow. At -Og puppets compile fastest, and run slower. Idle
+# workers take over tests of others, so that all finish at about the same time.
 test: $(VENV)/stamp-test
 	$(BIN)/python -m pytest -m "not medium and not slow" --puppet-flag=-Og --dist=worksteal
 

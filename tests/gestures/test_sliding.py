@@ -177,9 +177,10 @@ def test_without_contact_forces_the_lowest_point_of_a_foot_slides():
     assert left_slide("sole", above, loaded=None) == pytest.approx(0.2 * CYCLE, rel=0.01)
 
 
-def test_without_contact_forces_a_sole_that_pivots_slides_with_its_far_corner():
-    """Regression: the search for gaits followed the lowest point alone, which was the pivot."""
-    middle, yaw, _ = pivoting((-1, -1))
+@pytest.mark.parametrize("corner", CORNERS)
+def test_without_contact_forces_a_sole_that_pivots_slides_with_its_far_corner(corner):
+    """Regression: the search for gaits followed one corner, which may be the pivot."""
+    middle, yaw, _ = pivoting(corner)
     arc = np.hypot(LENGTH, WIDTH) * YAW_RATE * CYCLE
     slide = left_slide("sole", middle + np.array([0.0, 0.0, 1e-5]), yaw=yaw, loaded=None)
     assert slide == pytest.approx(arc, rel=0.01)

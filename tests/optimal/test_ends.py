@@ -59,11 +59,20 @@ def test_a_place_equals_the_pose_at_which_the_point_is_there(
         )
         for end in (place, {"bob.x": 0.4, "bob.z": -0.9})
     ]
-    assert all(best), [motion.summary() for motion in best]
+    assert all(motion.holds for motion in best), [motion.summary() for motion in best]
+    assert best[0].end_gap < 1e-3 and best[0].gains.shape == best[1].gains.shape
     at_place = best[0].run.state(-1)
     assert [at_place["bob.x"], at_place["bob.z"]] == pytest.approx([0.4, -0.9], abs=1e-5)
     assert np.max(np.abs(at_place.v_D)) < 1e-5
-    assert best[0].cost == pytest.approx(best[1].cost, rel=1e-4)
+    assert best[0].cost == pytest.approx(best[1].cost, rel=1e-3)
+
+
+def test_a_place_out_of_reach_is_violated(small_crane: fan.Marionette):
+    far = fan.control.Goal.point(small_crane, "bob", (50.0, 0.0, -0.9))
+    best = move_bob(small_crane, far, bounds=fan.control.Bounds(acceleration=1.0))
+    assert best.status is fan.control.AnswerStatus.VIOLATED and best.end_gap > 10.0
+    with pytest.raises(fan.errors.StateError, match="explore excludes a place"):
+        move_bob(small_crane, far, explore=1, conditions=fan.control.PlanConditions(slack=True))
 
 
 def test_a_box_is_only_for_plans(small_crane: fan.Marionette):

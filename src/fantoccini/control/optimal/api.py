@@ -61,7 +61,8 @@ def optimise(
     active. Strings with a lower bound of tension stay taut; others may go slack, and the
     derivatives then hold for the present order of events only. When iterations hardly decrease the
     cost, the search continues with exact derivatives of the run, except for puppets with contact
-    or driven rotations. Ctrl-C ends the search with the best motion so far; before a first motion
+    or driven rotations. If the search ends at a motion that does not hold but its guess does, the
+    answer is the guess. Ctrl-C ends the search with the best motion so far; before a first motion
     it raises.
 
     For tasks with explorations see :mod:`fantoccini.control.optimal.multi_start`.
@@ -96,8 +97,6 @@ def optimise(
         marionette, obstacles = task.world
         task = replace(task, marionette=marionette, obstacles=obstacles)
     original_task = task
-    if task.required_end is not None and task.required_end.touches:
-        task = replace(task, touches=(*task.touches, *task.required_end.touches))
     if not task.conditions.slack:
         # The answer keeps the bounds of the task, since plans support none of tension.
         task = replace(task, bounds=task.bounds.with_taut_strings(task.marionette, task.x0))
@@ -120,7 +119,8 @@ def optimise(
         runs = StepRuns(time_steps, free_parameters)
     if task.explore:
         runs = HybridRuns(time_steps, free_parameters)
-    first = first_nodes(task, free_parameters, task.guess if guess is None else guess)
+    guess = task.guess if guess is None else guess
+    first = first_nodes(task, free_parameters, guess)
     objective = Objective(task)
     first_motion = iterate(runs, first, objective)
     if first_motion is None:
@@ -161,7 +161,11 @@ def optimise(
         text = f"the last derivatives were those of time steps: {runs.reasons[-1]}"
         warnings.warn(text, stacklevel=2)
     verdict = Verdict.of(
-        measure(runs, motion, objective), first_motion, objective, limits, is_stopped
+        measure(runs, motion, objective),
+        None if guess is None else first_motion,
+        objective,
+        limits,
+        is_stopped,
     )
     measured = verdict.measured
     motion = measured.motion
@@ -294,9 +298,14 @@ def check_task(task: Task) -> None:
     refuse_winches(marionette, "optimise")
     if task.end is not None and task.required_end is None:
         raise StateError(
-            "optimise: the task's end is an interval, a box, a touch or a function, which only "
-            "plans support; needed: a state, values of coordinates, the place of a point, tracks "
-            "or touches"
+            "optimise: the task's end is an interval, a box, a contact or a function, which only "
+            "plans support; needed: a state, values of coordinates, the place of a point, or "
+            "instead of an end, tracks or touches"
+        )
+    if task.explore and task.all_touches:
+        raise StateError(
+            "optimise: explore excludes a place at the end: explore towards a pose first, then "
+            "give the motion as a guess"
         )
     if task.is_free and any(
         callable(x.path) or isinstance(x.path, (tuple, Clip)) for x in task.tracks

@@ -45,11 +45,11 @@ def iterate(runs: EventRuns, nodes: Nodes, objective: Objective) -> Iterate | No
 
 
 def event_driven_runs(runs: EventRuns, deadline: float = 0.0) -> EventRuns:
-    """Event-driven runs of the same puppet, with time for one of them at least.
+    """Event-driven runs of the same puppet, with at least a minute for the first.
 
     Args:
         runs: runs by any method.
-        deadline: time of ``time.perf_counter`` until which there is time in any case [s].
+        deadline: earliest deadline, as a time of ``time.perf_counter`` [s].
     """
     deadline = max(deadline, time.perf_counter() + _CONFIRMATION_TIME)
     return EventRuns(runs.steps, runs.free_parameters, deadline)

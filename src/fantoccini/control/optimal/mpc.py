@@ -24,7 +24,7 @@ from fantoccini.control.optimal.api import refuse_winches, tracks_of
 from fantoccini.control.optimal.clamped import ClampedSteps
 from fantoccini.control.optimal.dynamics import Ends
 from fantoccini.control.optimal.objective import Objective
-from fantoccini.control.optimal.prediction import Predictions, fitted_to_strings
+from fantoccini.control.optimal.prediction import Predictions, with_inputs_fitting_strings
 from fantoccini.control.tasks import Bounds, Nodes, Smooth, Target, Task, Track
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import State
@@ -89,8 +89,8 @@ class MPC:
     result that comes too late is replaced by :meth:`acceleration`, the plan of the last update.
 
     Strings of the real puppet may be longer or shorter than those of the model, by millimetres:
-    see :func:`~fantoccini.control.optimal.prediction.fitted_to_strings`. Positions then keep their
-    bounds up to that difference.
+    see :func:`~fantoccini.control.optimal.prediction.with_inputs_fitting_strings`. Positions then
+    keep their bounds up to that difference.
 
     Strings may be slack, and solids may touch: predictions are time steps, and derivatives hold for
     the strings that pull in them and for the points that stick, slide or are open.
@@ -101,7 +101,8 @@ class MPC:
         nodes: number of intervals in the horizon.
         deadline: time limit of an update [s].
         status: outcome of the last update.
-        prediction: states from the last update on; None before the first.
+        prediction: states from the last update on, with the corrected driven coordinates; None
+            before the first.
         cost: J of the prediction.
         updates: number of updates.
         kept, braked: numbers of updates with the :class:`MPCStatus` ``KEPT`` and ``BRAKES``.
@@ -222,7 +223,7 @@ class MPC:
         """
         began = time.perf_counter()
         self.marionette.check_state(x)
-        x = fitted_to_strings(self.marionette, x)
+        x = with_inputs_fitting_strings(self.marionette, x)
         t = x.t if t is None else float(t)
         if not x.t - 1e-9 <= t < math.inf:
             raise StateError(f"t is {t:g} s, before the state's time of {x.t:g} s")
@@ -335,6 +336,7 @@ class MPC:
 
     def _warm_up(self) -> None:
         """Loads and compiles the functions of updates, so that the first one is in time, too."""
+        with_inputs_fitting_strings(self.marionette, self._task.x0)
         zeros = np.zeros((1, self.nodes, self.marionette.coordinates.n_vK))
         prediction = self._predictions.predict(
             self._task.x0, self._task.x0.t, self.interval, zeros

@@ -32,7 +32,7 @@ def reach_notes(task: Task) -> list[str]:
         _farthest_place(
             task, start, touch.body, touch.at, np.array([touch.place]), "the place it touches"
         )
-        for touch in task.touches
+        for touch in task.all_touches
     ]
     return [text for text in notes if text]
 

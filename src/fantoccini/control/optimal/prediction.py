@@ -20,11 +20,14 @@ from fantoccini.motion import State
 _STATE_FIELDS = ("q_D", "v_D", "q_K", "v_K")
 
 _FIT_ITERATIONS = 2
-"""Newton iterations of a correction, of which the second leaves micrometres of centimetres."""
-_MAX_CLOSING_GAP = 1e-3
-"""Largest gap of a string that counts as taut because it closes in the present time step [m]."""
-_MIN_SINGULAR_VALUE = 1e-6
-"""Singular values below this share of the largest count as 0."""
+"""Newton iterations of a correction; two reduce centimetres to micrometres."""
+_MAX_STEP_VIOLATION, _MAX_STEP_GAP = 2e-4, 2e-3
+"""Largest h > 0, and largest gap of a string marked taut, that are not corrected [m].
+
+Time steps leave such errors.
+"""
+_END_WEIGHT, _FIT_DAMPING = 1e-3, 1e-5
+"""Weight of driven coordinates that are no lengths, and damping eps of nearly parallel strings."""
 
 
 class Predictions:
@@ -97,24 +100,29 @@ class Predictions:
         return self._record
 
 
-def fitted_to_strings(marionette: Marionette, x: State) -> State:
+def with_inputs_fitting_strings(marionette: Marionette, x: State) -> State:
     """A measured state whose driven coordinates are corrected so that its taut strings fit.
 
-        min |dq_K|   with   h_i + A_K,i dq_K = 0   for h_i > 0, and for taut strings
+        dq_K = -W A^T (A W A^T + eps 1)^-1 h    over strings too short, and taut strings
 
     Where a string of the real puppet is longer than that of the model, the measured distance of its
     ends exceeds its length; where it is shorter, the string is taut (``x.taut``) at a smaller
-    distance. The correction counts the difference as length of the string, or as a displacement of
-    its upper end. Strings that no driven coordinate reaches keep the difference.
+    distance. The weights W count the difference as length of the string, or if that is not driven,
+    as a displacement of its upper end. Strings that no driven coordinate reaches keep it.
     """
     n_strings, q_K = len(marionette.tree.strings), x.q_K
     is_taut = x.taut[:n_strings] if len(x.taut) else np.zeros(n_strings, dtype=bool)
-    for _ in range(_FIT_ITERATIONS):
+    names = marionette.coordinates.v_K
+    weight = np.array([1.0 if name.endswith(".length") else _END_WEIGHT for name in names])
+    for _ in range(_FIT_ITERATIONS if n_strings else 0):
         fitted = x.replace(q_K=q_K)
         h = marionette.constraint(fitted)[:n_strings]
-        misfits = (h > 0.0) | (is_taut & (h < -_MAX_CLOSING_GAP))
+        misfits = (h > _MAX_STEP_VIOLATION) | (is_taut & (h < -_MAX_STEP_GAP))
+        if not np.any(misfits):
+            break
         A_K = marionette.A_K(fitted)[:n_strings][misfits]
-        dq_K = -np.linalg.pinv(A_K, _MIN_SINGULAR_VALUE) @ h[misfits]
+        matrix = (A_K * weight) @ A_K.T + _FIT_DAMPING * np.eye(len(A_K))
+        dq_K = -weight * (A_K.T @ np.linalg.solve(matrix, h[misfits]))
         q_K = marionette.integrate(q_K, dq_K, driven=True)
     return x.replace(q_K=q_K, taut=x.taut)
 

@@ -50,13 +50,15 @@ class Optimum(Answer):
         stationarity: for the last step, the larger of the change of the cost's gradient along it,
             relative to the gradient, and of the decrease predicted by the slope, relative to J.
         violation: largest violation of bounds in the run [N, m, rad or their rates].
-        end_gap: largest error at the end [m, rad or their rates].
+        end_gap: largest error at the end, or distance from a place of the end [m, rad or their
+            rates].
         closest_approaches: distances and times of the run's closest approaches to the places of
-            touches.
+            touches and of the end.
         iterations: number of iterations.
         seconds: time that they took [s].
         curve: (seconds, cost) after every iteration.
-        reason: bound, coordinate and time of the largest residual, if it is not solved.
+        reason: bound, coordinate and time of the largest residual, if it is not solved; with
+            ``GUESS``, of the motion at which the search ended.
     """
 
     task: Task

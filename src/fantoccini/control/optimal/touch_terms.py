@@ -142,10 +142,11 @@ class TouchTerms:
 
     def __init__(self, task: Task, free_parameters: ChosenParameters):
         marionette = task.marionette
-        self._touches, self._free_parameters = task.touches, free_parameters
-        self._links = [marionette.link_index(touch.body) for touch in task.touches]
-        self._places = np.array([touch.place for touch in task.touches], float).reshape(-1, 3)
-        self._points = np.array([touch.at for touch in task.touches], float).reshape(-1, 3)
+        touches = task.all_touches
+        self._touches, self._free_parameters = touches, free_parameters
+        self._links = [marionette.link_index(touch.body) for touch in touches]
+        self._places = np.array([touch.place for touch in touches], float).reshape(-1, 3)
+        self._points = np.array([touch.at for touch in touches], float).reshape(-1, 3)
         self._cached: tuple[Nodes, Moments] | None = None
 
     def __len__(self) -> int:
@@ -276,9 +277,8 @@ class TouchTerms:
         )
         r, v, acc = np.zeros((3, n, 3))
         for k in range(n):
-            at_end = (
-                times[k] >= end - _EDGE_TOLERANCE
-            )  # the moment moves with the end of the motion
+            # A moment at the end of the motion moves with it.
+            at_end = times[k] >= end - _EDGE_TOLERANCE
             r[k] = offsets(k, times[k : k + 1])[0]
             derivatives = self._derivatives(
                 k, nodes, int(intervals[k]), float(fractions[k]), at_end

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import math
-import time
 from dataclasses import dataclass, replace
 
 from fantoccini.base import SimulationError, StateError, Status
@@ -35,14 +34,14 @@ _CLEARANCE_SAMPLES = 5
 
 @dataclass(frozen=True, eq=False)
 class MeasuredMotion:
-    """A motion with its residuals, also between the nodes.
+    """A motion with its residuals; clearances are also measured between the nodes.
 
     Attributes:
         motion: the motion.
         run: its run.
-        runs: simulates such motions.
+        runs: the runs by which it is simulated.
         bound, end: the largest violation of a bound and of the end.
-        approaches: the closest approach of every touch.
+        approaches: the closest approaches to places.
     """
 
     motion: Iterate
@@ -74,9 +73,10 @@ class Verdict:
     """The motion that a search returns, whether it holds, and why the search ended there.
 
     Attributes:
-        measured: the motion of the search, or the first motion if only that one holds.
+        measured: the motion of the search, or the guess if the search's motion does not hold and
+            the guess does.
         status: see :class:`AnswerStatus`.
-        reason: the largest residual in words; may be empty.
+        reason: the largest residual of the search's motion in words; may be empty.
     """
 
     measured: MeasuredMotion
@@ -87,7 +87,7 @@ class Verdict:
     def of(
         cls,
         last: MeasuredMotion,
-        first: Iterate,
+        guess: Iterate | None,
         objective: Objective,
         limits: Limits,
         is_stopped: bool,
@@ -95,8 +95,8 @@ class Verdict:
         """The verdict on a search.
 
         Args:
-            last: the motion at its end.
-            first: the motion at its start.
+            last: the motion with which the search ended.
+            guess: the motion with which it began, if it is a guess of the user.
             objective: cost and bounds.
             limits: limits of the search.
             is_stopped: whether Ctrl-C ended it.
@@ -106,22 +106,20 @@ class Verdict:
             status = AnswerStatus.STOPPED if is_stopped else search_status(motion, limits)
             is_solved = status in (AnswerStatus.SOLVED, AnswerStatus.STOPPED)
             reason = "" if is_solved else largest_residual(objective, motion, limits.tolerance)
-            return cls(last, status, reason + _no_input_note(last, objective, limits, reason))
-        status = AnswerStatus.VIOLATED if last.is_event_driven else AnswerStatus.NO_RUN
-        reason = ""
-        if last.is_event_driven:
+        elif last.is_event_driven:
+            status = AnswerStatus.VIOLATED
             reason = last.largest.text + early_end_note(motion, limits)
-            reason += _no_input_note(last, objective, limits, reason)
-        measured_first = _measured_first_motion(last.runs, first, objective)
-        if measured_first is None or not measured_first.holds:
+        else:
+            status, reason = AnswerStatus.NO_RUN, ""
+        reason += _note_on_unmoved_end(last, objective, limits, reason)
+        if last.holds or guess is None or (is_stopped and not last.is_event_driven):
             return cls(last, status, reason)
-        first = replace(measured_first.motion, iterations=motion.iterations)
-        reason = (
-            "this is the first motion; that of the search does not hold: "
-            f"{reason or status.message}"
-        )
-        status = _status_of_first_motion(motion, limits, is_stopped)
-        return cls(replace(measured_first, motion=first), status, reason)
+        measured_guess = _measured_guess(last, guess, objective)
+        if measured_guess is None or not measured_guess.holds:
+            return cls(last, status, reason)
+        first = replace(measured_guess.motion, iterations=motion.iterations)
+        reason = reason or status.message
+        return cls(replace(measured_guess, motion=first), AnswerStatus.GUESS, reason)
 
 
 def measure(runs: EventRuns, motion: Iterate, objective: Objective) -> MeasuredMotion:
@@ -142,39 +140,41 @@ def measure(runs: EventRuns, motion: Iterate, objective: Objective) -> MeasuredM
         _clearance_violation(objective, runs, motion.nodes),
         key=lambda residual: residual.rank,
     )
-    return MeasuredMotion(
-        motion,
-        run,
-        runs,
-        bound,
+    approaches = objective.touches.closest_approaches(run, motion.nodes.parameters)
+    end = max(
         end_residual(objective, motion.nodes),
-        objective.touches.closest_approaches(run, motion.nodes.parameters),
+        touch_residual(approaches[len(objective.task.touches) :]),
+        key=lambda residual: residual.rank,
     )
+    return MeasuredMotion(motion, run, runs, bound, end, approaches)
 
 
-def _measured_first_motion(
-    runs: EventRuns, first: Iterate, objective: Objective
+def _measured_guess(
+    last: MeasuredMotion, guess: Iterate, objective: Objective
 ) -> MeasuredMotion | None:
-    """The event-driven run of the first motion with its residuals; None if it does not arrive."""
-    event_runs = event_driven_runs(runs)
-    event_iterate = iterate(event_runs, first.nodes, objective)
-    if event_iterate is None:
+    """The guess with its residuals; None if it has no event-driven run, or is the last motion."""
+    if guess.nodes.run is last.run:
         return None
-    return measure(replace(event_runs, deadline=math.inf), event_iterate, objective)
+    try:
+        if objective.task.marionette.contacts is None:
+            return measure(last.runs, guess, objective)
+        # The guess was simulated by time steps.
+        event_runs = event_driven_runs(last.runs)
+        event_iterate = iterate(event_runs, guess.nodes, objective)
+        if event_iterate is None:
+            return None
+        measured = measure(event_runs, event_iterate, objective)
+    except (KeyboardInterrupt, SimulationError):
+        return None
+    return replace(measured, runs=replace(event_runs, deadline=math.inf))
 
 
-def _status_of_first_motion(last: Iterate, limits: Limits, is_stopped: bool) -> AnswerStatus:
-    if is_stopped:
-        return AnswerStatus.STOPPED
-    if time.perf_counter() > limits.deadline:
-        return AnswerStatus.TIMEOUT
-    is_last = last.iterations >= limits.iterations
-    return AnswerStatus.ITERATIONS if is_last else AnswerStatus.STALLED
-
-
-def _no_input_note(last: MeasuredMotion, objective: Objective, limits: Limits, reason: str) -> str:
+def _note_on_unmoved_end(
+    last: MeasuredMotion, objective: Objective, limits: Limits, reason: str
+) -> str:
     """Note on a coordinate of the end that no input moves; empty if there is none."""
-    nodes, end = last.motion.nodes, last.end
+    nodes = last.motion.nodes
+    end = end_residual(objective, nodes)
     if not end.size > limits.tolerance or end.text not in reason or len(nodes.parameters):
         return ""
     with contextlib.suppress(StateError, SimulationError):  # the note is optional

@@ -19,6 +19,7 @@ class AnswerStatus(Outcome):
     GENERATIONS = "the limit of generations ended the search; these are the best numbers so far"
     TIMEOUT = "the time limit ended the search; this is the best so far"
     STOPPED = "the search was interrupted; this is the best so far"
+    GUESS = "the search ended at a motion that does not hold; this is the guess, which does"
 
     VIOLATED = "the motion leaves its bounds, or does not reach its end or a place"
     NO_RUN = "the motion exists in time steps, but an event-driven run of its inputs is incomplete"
@@ -46,7 +47,7 @@ class AnswerStatus(Outcome):
 
 _FEASIBLE = frozenset(
     AnswerStatus[name]
-    for name in ("SETTLED", "STALLED", "ITERATIONS", "GENERATIONS", "TIMEOUT", "STOPPED")
+    for name in ("SETTLED", "STALLED", "ITERATIONS", "GENERATIONS", "TIMEOUT", "STOPPED", "GUESS")
 )
 _HOLDS = _FEASIBLE | {
     AnswerStatus.SOLVED,

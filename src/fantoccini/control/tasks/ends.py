@@ -23,12 +23,12 @@ class End:
     Attributes:
         state: a state with these numbers.
         required: (n_z,) bool, the entries of z = (dq_D, dv_D, dq_K, dv_K) that are required.
-        touches: places that points of bodies must reach at the end.
+        places: places that points of bodies must reach at the end.
     """
 
     state: State
     required: Mask
-    touches: tuple[Touch, ...] = ()
+    places: tuple[Touch, ...] = ()
 
     @classmethod
     def full_state(cls, table: CoordinateTable, state: State) -> End:
@@ -36,7 +36,7 @@ class End:
         return cls(state, np.ones(2 * (table.n_vD + table.n_vK), dtype=bool))
 
     @classmethod
-    def of_goal(cls, goal: Goal, x0: State, end: float) -> End | None:
+    def of_goal(cls, goal: Goal, x0: State, latest_time: float) -> End | None:
         """The end at a goal's pose or place; None for any other goal, such as an interval.
 
         Velocities that the goal weights are required, too: dynamic and driven ones separately.
@@ -44,7 +44,7 @@ class End:
         Args:
             goal: goal of a plan.
             x0: start of the motion, for the numbers that are not required.
-            end: the latest end of the motion [s].
+            latest_time: the latest end of the motion [s].
         """
         numbers, table = goal.numbers, goal.marionette.coordinates
         if goal.function is not None or goal.touches or numbers.kind not in (POSE, POINT):
@@ -58,8 +58,8 @@ class End:
             if not np.array_equal(numbers.place, numbers.place_high):
                 return None
             body = goal.marionette.tree.links[numbers.link].name
-            # The window is the last moment only, also of a shorter motion.
-            between = (math.nextafter(end, x0.t), math.inf)
+            # The window holds only the last moment; for shorter motions it moves to their end.
+            between = (math.nextafter(latest_time, x0.t), math.inf)
             at = tuple(float(x) for x in numbers.at)
             return cls(state, required, (Touch(body, numbers.place, at, between),))
         if not np.array_equal(numbers.low, numbers.high):

@@ -161,9 +161,15 @@ class Task:
         if isinstance(self.end, State):
             return End.full_state(table, self.end)
         if isinstance(self.end, (Goal, Mapping)):
-            end = self.x0.t + self.max_duration
-            return End.of_goal(Goal.of(self.marionette, self.end), self.x0, end)
+            latest_time = self.x0.t + self.max_duration
+            return End.of_goal(Goal.of(self.marionette, self.end), self.x0, latest_time)
         return None
+
+    @property
+    def all_touches(self) -> tuple[Touch, ...]:
+        """The touches, then the places that points must reach at the end."""
+        end = self.required_end
+        return (*self.touches, *(end.places if end is not None else ()))
 
     @property
     def world(self) -> tuple[Marionette, tuple[Obstacle | HalfSpace | Mapping[str, Any], ...]]:

@@ -4,7 +4,7 @@
 
 Feet that lift or stand too little, a tilting trunk and a wrong distance add penalties. A second run
 with half the time step then decides whether the puppet walks. Only this one has contact forces: the
-search measures the slide of the lowest points, and of corners of soles. The cache keeps gait and
+search measures how far the lowest points and the corners of boxes slide. The cache keeps gait and
 verdict.
 """
 

@@ -126,7 +126,8 @@ def footfalls(body_parts: BodyParts, run: Trajectory, gait: Gait, steps: int) ->
         body_parts: parts of the puppet.
         run: run of ``gait.inputs(..., steps)``, with at least 100 samples per second. If it ends
             early, incomplete cycles are left out. If it has no contact forces between a foot and
-            the floor, as in runs of batches, the lowest point of the foot slides.
+            the floor, as in runs of batches, the lowest points and the corners of boxes
+            slide.
         gait, steps: the gait, and its number of steps.
 
     Raises:
@@ -233,9 +234,9 @@ def _slides(points: ContactPoints, poses: Array) -> Array:
 def _lowest(shapes: tuple[Shape, ...], poses: Array, floor: float) -> tuple[Array, Array]:
     """(T,) height of the lowest point of shapes, and (T,) slide until the next sample [m].
 
-    Material points that are lowest now are followed, and all corners of boxes, so that a sole that
-    pivots slides. Of those on the floor now and at the next sample, the one that slides farthest
-    counts.
+    It follows the points that are lowest now and all corners of boxes, so that a pivoting sole
+    counts as sliding. Of those on the floor now and at the next sample, the one that slides
+    farthest counts.
     """
     R, r = poses[:, :, :3], poses[:, :, 3]
     below = -R[:, 2, :]
@@ -250,7 +251,7 @@ def _lowest(shapes: tuple[Shape, ...], poses: Array, floor: float) -> tuple[Arra
 
 
 def _low_points(shape: Shape, below: Array) -> Array:
-    """(S, T, 3) points of a shape, in the body's axes, that may be lowest [m].
+    """(S, T, 3) candidates for a shape's points on the floor, in the body's axes [m].
 
     Args:
         shape: the shape.
