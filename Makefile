@@ -114,6 +114,7 @@ lint: $(VENV)/stamp-test
 	find src tests benchmarks \( -name "*.hpp" -o -name "*.cpp" \) -exec $(BIN)/clang-format --dry-run --Werror {} +
 	$(BIN)/deptry src
 	$(BIN)/mypy
+	cd tests && ../$(BIN)/mypy --config-file mypy.ini $$(git ls-files '*.py')
 
 # Format Python and C++ in place.
 format: $(VENV)/stamp-test

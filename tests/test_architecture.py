@@ -117,7 +117,7 @@ def imports_of(file: Path) -> list[Import]:
     if stub.exists():
         text += stub.read_text(encoding="utf-8")
     return [
-        Import(file, package_of(file), name, node.lineno, module)
+        Import(file, package_of(file), name, node.lineno, module)  # type: ignore[attr-defined]
         for node in ast.walk(ast.parse(text))
         for name in names_of(node, file)
         for module in [name if isinstance(node, ast.Import) else name.rsplit(".", 1)[0]]

@@ -87,7 +87,7 @@ def test_scores_and_plays_take_the_verbs_of_the_table():
     (lanes,) = [ScoreFile.model_fields["lanes"].annotation]
     acts = PlayFile.model_fields["acts"].annotation
     (act,) = [part for part in get_args(acts) if isinstance(part, type)]
-    cues = [*cue_types(lanes), *cue_types(act.model_fields["cues"].annotation)]
+    cues = [*cue_types(lanes), *cue_types(act.model_fields["cues"].annotation)]  # type: ignore[attr-defined]
     assert sorted(part.verb for part in cues if part.verb) == sorted(VERBS)
 
 
@@ -207,7 +207,7 @@ PLACING_VALUES = (
     "kind", [*PLACING_VALUES, LatenessPolicy, Round, Timeline, PendingCue, Corrections]
 )
 def test_values_of_placing_are_immutable(kind: type):
-    assert dataclasses.is_dataclass(kind) and kind.__dataclass_params__.frozen
+    assert dataclasses.is_dataclass(kind) and kind.__dataclass_params__.frozen  # type: ignore[attr-defined]
     for field in dataclasses.fields(kind):
         assert not re.match(r"(list|dict|set)", str(field.type)), field
 

@@ -62,7 +62,7 @@ def private_uses(text: str) -> set[str]:
                 names = [text.rsplit(".", 1)[-1] for text in texts if isinstance(text, str)]
             case ast.Constant(value=str() as value) if re.fullmatch(r"fantoccini[\w.]+", value):
                 names = value.split(".")
-        uses |= {(node.lineno, name) for name in names if private(name)}
+        uses |= {(node.lineno, name) for name in names if private(name)}  # type: ignore[attr-defined]
     return {f"{line}: {name}" for line, name in uses if name not in OF_OTHERS}
 
 

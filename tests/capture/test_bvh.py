@@ -379,7 +379,7 @@ def test_braces_may_be_glued_to_names(tmp_path, encoding, layout):
     assert len(set(clip.skeleton.names)) == 4
     if encoding in ("utf-8", "utf-16", "latin-1"):
         assert clip.skeleton.names[:3] == names
-    assert np.array_equal(clip.positions, plain_clip.positions)
+    assert np.array_equal(clip.positions, plain_clip.positions)  # type: ignore[attr-defined]
 
 
 def test_damaged_files_end_in_one_error(tmp_path):

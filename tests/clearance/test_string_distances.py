@@ -90,7 +90,7 @@ def expected(seed: int, slack: float) -> dict[tuple[str, str], np.ndarray]:
                 distances[name, link.name] = gaps - RADII[link.name]
             elif link.name == "crate":
                 (box,) = link.shapes
-                inside = inside @ np.asarray(box.orientation.matrix)
+                inside = inside @ np.asarray(box.orientation.matrix)  # type: ignore[attr-defined]
                 out = inside - np.clip(inside, -CRATE / 2, CRATE / 2)
                 distances[name, link.name] = np.linalg.norm(out, axis=2).min(axis=1)
     for name in names:

@@ -52,7 +52,7 @@ def motions(name: str, seed: int, winches: str) -> str:
         _, hanging = marionette.forward_dynamics(rest)
         table[::2, 0] = 1.5 * hanging[: len(table)][::2] + 0.02 * marionette.weight
         table[::4, 1] = 0.2
-    words += list(table.ravel())
+    words += list(table.ravel())  # type: ignore[attr-defined]
     return "\n".join(repr(float(x)) for x in words)
 
 

@@ -327,8 +327,8 @@ def test_a_rotor_alone_rests_and_swings():
     crank += "  - {name: crank, joint: {type: revolute, axis: [1, 0, 0], driven: true}}\n"
     control = "control: {type: pd, stiffness: 10, damping: 0.1}"
     crank = fan.loads(crank + "drives:\n  - {on: crank, inertia: 1.0e-3, " + control + "}\n")
-    assert crank.rest({"crank.command": 0.3}).q_D == pytest.approx([0.3], abs=1e-12)
-    run = fan.simulate(crank, crank.state({"crank": 0.1, "crank.command": 0.0}), t_end=0.05)
+    assert crank.rest({"crank.command": 0.3}).q_D == pytest.approx([0.3], abs=1e-12)  # type: ignore[attr-defined]
+    run = fan.simulate(crank, crank.state({"crank": 0.1, "crank.command": 0.0}), t_end=0.05)  # type: ignore[attr-defined]
     w = np.sqrt(10 / 1e-3 - 50**2)
     expected = 0.1 * np.exp(-50 * run.t) * (np.cos(w * run.t) + 50 / w * np.sin(w * run.t))
     np.testing.assert_allclose(run.q_D[:, 0], expected, atol=1e-10)

@@ -144,7 +144,7 @@ def test_a_rod_on_two_strings():
     assert np.max(np.abs(frequencies(modes) - wanted)) < 1e-8
     turning = next(mode for mode in modes.swinging if abs(mode.shape["rod.wz"]) > 0.5)
     assert abs(2.0 * np.pi * turning.frequency - twist) < 1e-8
-    still = [mode for mode in modes if not mode.swings]
+    still = [mode for mode in modes if not mode.swings]  # type: ignore[attr-defined]
     assert len(still) == 1 and all(mode.s == 0 for mode in still)
     assert all(abs(mode.shape["rod.wx"]) == 1.0 for mode in still)
     assert len(modes.rows) == 2 and "1 neutral" in str(modes)

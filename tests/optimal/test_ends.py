@@ -68,11 +68,12 @@ def test_a_place_equals_the_pose_at_which_the_point_is_there(
 
 
 def test_a_place_out_of_reach_is_violated(small_crane: fan.Marionette):
-    far = fan.control.Goal.point(small_crane, "bob", (50.0, 0.0, -0.9))
-    best = move_bob(small_crane, far, bounds=fan.control.Bounds(acceleration=1.0))
+    distant_place = fan.control.Goal.point(small_crane, "bob", (50.0, 0.0, -0.9))
+    best = move_bob(small_crane, distant_place, bounds=fan.control.Bounds(acceleration=1.0))
     assert best.status is fan.control.AnswerStatus.VIOLATED and best.end_gap > 10.0
+    conditions = fan.control.PlanConditions(slack=True)
     with pytest.raises(fan.errors.StateError, match="explore excludes a place"):
-        move_bob(small_crane, far, explore=1, conditions=fan.control.PlanConditions(slack=True))
+        move_bob(small_crane, distant_place, explore=1, conditions=conditions)
 
 
 def test_a_box_is_only_for_plans(small_crane: fan.Marionette):

@@ -82,7 +82,7 @@ def simulate(
     """
     solver = getattr(integrate, integrator) if isinstance(integrator, str) else integrator
     run, slipping = Run(x0), set()
-    while run.x.t < t_end and not run.stopped and len(run.events) < max_events:
+    while run.x.t < t_end and not run.stopped and len(run.events) < max_events:  # type: ignore[attr-defined]
         _one_flow(marionette, run, inputs, t_end, slipping, (solver, rtol, atol, max_step))
     return run
 

@@ -52,8 +52,8 @@ def simulate(state, t_end: float, length: float, gravity: float, tolerance: floa
     def reach(t, y):
         return np.hypot(y[0], y[1]) - length
 
-    pull.terminal, pull.direction = True, -1
-    reach.terminal, reach.direction = True, 1
+    pull.terminal, pull.direction = True, -1  # type: ignore[attr-defined]
+    reach.terminal, reach.direction = True, 1  # type: ignore[attr-defined]
     # SciPy evaluates events only at the ends of steps, so steps must be short relative to an arc.
     options = {"method": "DOP853", "rtol": tolerance, "atol": tolerance / 10.0, "max_step": 0.02}
     y, t, events = np.array(state, dtype=float), 0.0, []

@@ -193,7 +193,7 @@ def test_if_the_stepper_fails_the_hands_stop_and_the_recording_ends(monkeypatch)
     home, _ = live.place("hand")
     live.move("hand", home + np.array([0.3, 0.0, 0.0]))
     live.advance(0.1)
-    real_reported, failing_steppers = Stepper.reported.fget, []
+    real_reported, failing_steppers = Stepper.reported.fget, []  # type: ignore[attr-defined]
 
     def reported_status(stepper):
         """Fail for the first stepper, not for its replacements."""

@@ -34,7 +34,7 @@ COMMON_WORDS = {"head", "hand", "foot"}
 def marionette_names() -> set[str]:
     """Names of bodies and strings of the bundled marionette, without their sides."""
     puppet = scene.load(bundled("marionette"))
-    names = {part.name for part in (*puppet.bodies, *puppet.strings)}
+    names = {part.name for part in (*puppet.bodies, *puppet.strings)}  # type: ignore[attr-defined]
     return {re.sub("_(left|right)$", "", name) for name in names}
 
 

@@ -85,7 +85,7 @@ def test_a_capsule_without_length_is_a_sphere() -> None:
         if isinstance(known, float):
             assert value == pytest.approx(known, rel=1e-14)
         else:
-            np.testing.assert_allclose(value.inertia, known.inertia, atol=1e-15)
+            np.testing.assert_allclose(value.inertia, known.inertia, atol=1e-15)  # type: ignore[attr-defined]
 
 
 @pytest.fixture

@@ -35,7 +35,7 @@ def test_solve_ivp_on_a_flow(reference, method):
         def guard(t, y, flow=flow, row=row):
             return flow.guards(t, y)[row]
 
-        guard.terminal, guard.direction = True, 1
+        guard.terminal, guard.direction = True, 1  # type: ignore[attr-defined]
         assert flow.t_end > first.t
         solution = integrate.solve_ivp(
             flow.rate, (flow.t0, flow.t_end), flow.y0, method, events=guard, rtol=1e-10, atol=1e-10

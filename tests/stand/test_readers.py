@@ -143,15 +143,15 @@ def test_ros_reads_the_trajectory_as_a_message(conduct, ending, tmp_path):
         store.serialize_cdr(message, message.__msgtype__), message.__msgtype__
     )
     motion = points.complete_motion()
-    assert again.joint_names == [axis.name for axis in points.axes]
-    assert len(again.points) == len(motion)
+    assert again.joint_names == [axis.name for axis in points.axes]  # type: ignore[attr-defined]
+    assert len(again.points) == len(motion)  # type: ignore[attr-defined]
     for name, values in (
         ("positions", motion.position),
         ("velocities", motion.velocity),
         ("accelerations", motion.acceleration),
     ):
-        np.testing.assert_array_equal([getattr(p, name) for p in again.points], values)
-    stamps = [p.time_from_start for p in again.points]
+        np.testing.assert_array_equal([getattr(p, name) for p in again.points], values)  # type: ignore[attr-defined]
+    stamps = [p.time_from_start for p in again.points]  # type: ignore[attr-defined]
     t = np.array([s.sec + 1e-9 * s.nanosec for s in stamps])
     np.testing.assert_allclose(t, motion.t, atol=1e-9)
     assert np.all(np.diff(t) > 0.0)

@@ -45,7 +45,7 @@ def test_frames_duration_and_size(tmp_path, swung, ending):
 def test_a_gif_plays_in_browsers_as_long_as_the_motion_lasts(tmp_path, swung, fps):
     """Browsers show a frame of 0.01 s or less for 0.1 s."""
     with Image.open(view.film(*swung, tmp_path / "a.gif", fps=fps, size=(64, 48))) as film:
-        delays = [film.seek(k) or film.info["duration"] for k in range(film.n_frames)]
+        delays = [film.seek(k) or film.info["duration"] for k in range(film.n_frames)]  # type: ignore[attr-defined]
     assert min(delays) >= 20
     assert sum(delays) == pytest.approx(1000.0, abs=25)
 

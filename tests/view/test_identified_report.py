@@ -166,7 +166,7 @@ def test_plots_show_samples_gaps_and_outliers(identified):
         circles += len(outliers.get_xdata())
         assert outliers.get_color() == RED
         hidden = np.sum(np.isnan(identified.residuals[:, j])) / 60.0
-        spans = [p.get_width() for p in axes.patches if p.get_facecolor()[0] < 0.7 and p.get_x()]
+        spans = [p.get_width() for p in axes.patches if p.get_facecolor()[0] < 0.7 and p.get_x()]  # type: ignore[attr-defined]
         grey = [w for w in spans if w > 0.2]
         assert len(grey) == 1 and abs(grey[0] - hidden) < 0.05
     assert circles == len(identified.outliers)
@@ -209,9 +209,9 @@ def test_doubts_are_on_the_page(identified, tmp_path):
 def test_segments_that_do_not_count_are_shaded(identified):
     lost = replace(identified, rejected=tuple(identified.starts[[5, 9]].tolist()))
     (figure, _), *_ = identified_plots.residual_figures(lost)
-    red = [p for p in figure.axes[0].patches if p.get_facecolor()[0] > 0.6 and p.get_x() > 0]
-    assert np.allclose([p.get_x() for p in red], identified.starts[[5, 9]] + identified["delay"])
-    assert np.allclose([p.get_width() for p in red], 0.25)
+    red = [p for p in figure.axes[0].patches if p.get_facecolor()[0] > 0.6 and p.get_x() > 0]  # type: ignore[attr-defined]
+    assert np.allclose([p.get_x() for p in red], identified.starts[[5, 9]] + identified["delay"])  # type: ignore[attr-defined]
+    assert np.allclose([p.get_width() for p in red], 0.25)  # type: ignore[attr-defined]
 
 
 def test_a_record_of_one_segment_has_a_page(tmp_path):

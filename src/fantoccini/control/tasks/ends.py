@@ -60,8 +60,8 @@ class End:
             body = goal.marionette.tree.links[numbers.link].name
             # The window holds only the last moment; for shorter motions it moves to their end.
             between = (math.nextafter(latest_time, x0.t), math.inf)
-            at = tuple(float(x) for x in numbers.at)
-            return cls(state, required, (Touch(body, numbers.place, at, between),))
+            x, y, z = map(float, numbers.at)
+            return cls(state, required, (Touch(body, numbers.place, (x, y, z), between),))
         if not np.array_equal(numbers.low, numbers.high):
             return None
         required[:n] = numbers.weight > 0.0
