@@ -1,4 +1,9 @@
-"""Players while their cues are placed, and corrections from earlier rounds of compiling."""
+"""Players while their cues are placed, and corrections from earlier rounds of compiling.
+
+An actor is a player while the play is compiled: in a round, all cues are placed in time and
+simulated, and the faults of the run become corrections for the next round. A footing is a place and
+a heading. A lane is a list of gestures in order.
+"""
 
 from __future__ import annotations
 

@@ -2,6 +2,10 @@
 
 At every time the play is divided into companies; a player that touches nobody is one by itself.
 Where a prop is taken, given or left, companies change, and members continue from their states.
+
+A meeting is a time during which certain players and props may touch. q_D are dynamic coordinates,
+q_K driven ones (ends and lengths of strings); slip is the length of string that a winch has let out
+because the tension was too large.
 """
 
 from __future__ import annotations

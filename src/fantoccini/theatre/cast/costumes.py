@@ -1,4 +1,7 @@
-"""Costumes: other colours of a puppet, so that players of one file differ in pictures."""
+"""Costumes: other colours of a puppet, so that players of one file differ in pictures.
+
+A player is a puppet of a play.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""Sizes and strings of a puppet for gestures with props and seats, from its body map."""
+"""Sizes and strings of a puppet for gestures with props and seats, from its body map.
+
+A body map says which bodies and strings are the trunk, head and limbs of a puppet. A member is a
+puppet of a scene.
+"""
 
 from __future__ import annotations
 

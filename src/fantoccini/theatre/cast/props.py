@@ -1,4 +1,8 @@
-"""Props of a play, with their holders and places at the start."""
+"""Props of a play, with their holders and places at the start.
+
+A prop is a body that players handle: it stands at a footing, a place with a heading, or it hangs by
+its handle on the forearm of a player.
+"""
 
 from __future__ import annotations
 

@@ -1,6 +1,9 @@
 """Cache of results of compiled plays, across rounds, calls and processes.
 
 Keys hold all that results depend on; on disk, also the package, the libraries and the processor.
+
+A round places and simulates all cues of a play once. A digest is a hash of everything that a result
+depends on; a disk format converts a result to arrays and back.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""Places of players at the start, and names of places and directions."""
+"""Places of players at the start, and names of places and directions.
+
+A mark is a named place on the stage, and a footing a place with a heading.
+"""
 
 from __future__ import annotations
 

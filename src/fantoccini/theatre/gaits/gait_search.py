@@ -5,6 +5,8 @@
 Feet that lift or stand too little, a tilting trunk and a wrong distance add penalties. A second run
 with half the time step then decides whether the puppet walks. Only this one has contact forces: the
 search measures the slide of the lowest points. The cache keeps gait and verdict.
+
+A foot slides if it moves over the floor while it carries load; the slide is the distance.
 """
 
 from __future__ import annotations

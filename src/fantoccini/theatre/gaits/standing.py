@@ -1,4 +1,8 @@
-"""Lengths of strings at which a puppet's legs hang freely and its soles just reach the floor."""
+"""Lengths of strings at which a puppet's legs hang freely and its soles just reach the floor.
+
+A sole is the lowest part of a foot. q_D are dynamic coordinates, q_K driven ones (ends and lengths
+of strings); a slack string does not pull.
+"""
 
 from __future__ import annotations
 

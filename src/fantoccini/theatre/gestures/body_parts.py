@@ -3,6 +3,9 @@
 A puppet on a control has bars as parts, too: the control, and for each kind of limb the bar to
 which all its strings are tied. A gesture moves parts by offsets for a body of certain sizes; for
 another body they are multiplied by the ratio of the sizes.
+
+A body map says which bodies and strings are trunk, head and limbs. A bar is a body that the hand
+holds and to which strings are tied. A member is a puppet of a scene.
 """
 
 from __future__ import annotations

@@ -1,6 +1,9 @@
 """Checks of a score's motion; each finding names the cue that moves at its time.
 
 They report exceeded bounds, hands that move at waits, and loops that do not close.
+
+A cue is a line of a score with a gesture. `breaks` are the times at which the pieces of a motion
+meet, and `coef` the coefficients of each piece. At a wait, a live performance waits for GO.
 """
 
 from __future__ import annotations

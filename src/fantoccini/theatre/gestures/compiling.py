@@ -1,4 +1,7 @@
-"""Compiler of score files: lanes become one motion; captions, waits and sounds get times."""
+"""Compiler of score files: lanes become one motion; captions, waits and sounds get times.
+
+A lane is a list of gestures in order; the offsets of all lanes add up. A mark is a named time.
+"""
 
 from __future__ import annotations
 

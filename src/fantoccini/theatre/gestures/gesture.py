@@ -2,7 +2,8 @@
 
     q_K(t) = q_K0 + d(t),   rotations: R(t) = R_0 exp([d(t)]x)
 
-d(t) is a piecewise quintic, C^1 at its breaks. Coordinates that a gesture does not name stay free.
+q_K are the driven coordinates (ends and lengths of strings, driven joints). d(t) is a piecewise
+quintic, C^1 at its breaks. Coordinates that a gesture does not name stay free.
 """
 
 from __future__ import annotations

@@ -1,4 +1,9 @@
-"""Reader of gesture files in YAML, which reports every mistake with its location."""
+"""Reader of gesture files in YAML, which reports every mistake with its location.
+
+A gesture file gives offsets of strings at times, or key poses: places of points of bodies, from
+which the lengths and ends of strings are computed. A take is a recording of a performance for
+editing.
+"""
 
 from __future__ import annotations
 

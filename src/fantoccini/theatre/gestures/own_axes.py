@@ -8,6 +8,9 @@ joint for an offset, those of the body for a rotation vector.
 
 If a puppet looks along y, an end of a string that is driven along y alone is driven along its own
 x alone. Such own coordinates keep the indices of the file's, but have names of their own.
+
+A driven coordinate is the end or length of a string, or a driven joint; v_K are their velocities. A
+member is a puppet of a scene.
 """
 
 from __future__ import annotations

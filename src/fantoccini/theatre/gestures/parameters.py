@@ -1,4 +1,7 @@
-"""Gestures computed from numbers and places: walking, pointing and looking."""
+"""Gestures computed from numbers and places: walking, pointing and looking.
+
+A member is a puppet of a scene; its name begins the names of its coordinates.
+"""
 
 from __future__ import annotations
 

@@ -2,6 +2,9 @@
 
 Scores and plays are performed in the same way. They differ in the verbs of their cues, and in the
 treatment of a cue that would be late: see :class:`LatenessPolicy`.
+
+A script is the list of cues of a score or a play, and a cue a verb with its player and time. A lane
+is a list of gestures in order; the offsets of all lanes add up.
 """
 
 from __future__ import annotations

@@ -1,6 +1,9 @@
 """Scores: gestures of a puppet in lanes, on beats; compiled to one motion of its hands.
 
 q_K(t) = q_K0 + sum over lanes of d_lane(t)
+
+q_K are the driven coordinates, the ends and lengths of the strings that the hands move; q_K0 are
+their values at rest. A lane is a list of gestures in order, with the offsets d_lane.
 """
 
 from __future__ import annotations

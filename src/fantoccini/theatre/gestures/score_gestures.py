@@ -1,4 +1,7 @@
-"""Gestures of a score's cues: from files, or phrases of the score itself."""
+"""Gestures of a score's cues: from files, or phrases of the score itself.
+
+A cue is a line of a score. A phrase is a part of a score that cues play like a gesture.
+"""
 
 from __future__ import annotations
 

@@ -3,6 +3,9 @@
 A file contains the start, the motion of the hands, and a sample for each second. Simulating the
 rest gives the same bits if the samples are reproduced; if they are not, on a machine with other
 rounding, each second is simulated from the sample at its start.
+
+acc_K are the accelerations of the driven coordinates q_K, which the hands move; q_D are the dynamic
+coordinates. A tick is the interval at which a performance advances.
 """
 
 from __future__ import annotations

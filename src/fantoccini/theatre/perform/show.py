@@ -1,4 +1,7 @@
-"""Live performance of a play, cue by cue."""
+"""Live performance of a play, cue by cue.
+
+A cue is a line of the play: a verb with its player and time. A lane is a list of gestures in order.
+"""
 
 from __future__ import annotations
 

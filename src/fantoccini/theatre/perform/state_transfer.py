@@ -1,4 +1,8 @@
-"""Transfer of a state to a changed puppet: values by name, projected onto strings and limits."""
+"""Transfer of a state to a changed puppet: values by name, projected onto strings and limits.
+
+q_D are the dynamic coordinates and q_K the driven ones, with the velocities v_D and v_K. Projection
+means the smallest change after which no string is too short and no limit exceeded.
+"""
 
 from __future__ import annotations
 

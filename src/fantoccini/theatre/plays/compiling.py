@@ -1,4 +1,7 @@
-"""Compiler of plays: cues are placed, simulated by company, and placed again until all succeed."""
+"""Compiler of plays: cues are placed, simulated by company, and placed again until all succeed.
+
+A cue is a line of a play: a verb with its player and time. It is refused if it cannot be done.
+"""
 
 from __future__ import annotations
 

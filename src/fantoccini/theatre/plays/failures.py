@@ -1,4 +1,7 @@
-"""Checks of runs of a play: whether props and sitters are where cues have brought them."""
+"""Checks of runs of a play: whether props and sitters are where cues have brought them.
+
+A handle is the bar by which a prop hangs on a forearm, and a footing a place with a heading.
+"""
 
 from __future__ import annotations
 

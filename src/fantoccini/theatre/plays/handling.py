@@ -1,4 +1,8 @@
-"""Cues with props: a player steps up to another or to a thing, handles it, and steps back."""
+"""Cues with props: a player steps up to another or to a thing, handles it, and steps back.
+
+A prop is a body that players handle; it hangs on a forearm by its handle, or stands at a footing, a
+place with a heading. A cue is a line of the play.
+"""
 
 from __future__ import annotations
 

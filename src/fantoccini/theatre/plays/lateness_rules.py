@@ -1,4 +1,8 @@
-"""Rules that make hands begin earlier, because limbs lag behind them."""
+"""Rules that make hands begin earlier, because limbs lag behind them.
+
+A cue is a line of the play, and a mark a named time of its gesture, such as that at which a hand is
+up.
+"""
 
 from __future__ import annotations
 

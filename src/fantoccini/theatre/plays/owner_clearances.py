@@ -1,4 +1,7 @@
-"""Least distances over a run of a play, between players, obstacles, the floor and strings."""
+"""Least distances over a run of a play, between players, obstacles, the floor and strings.
+
+q_D are dynamic coordinates, q_K driven ones (ends and lengths of strings).
+"""
 
 from __future__ import annotations
 

@@ -1,6 +1,9 @@
 """Placing of cues in time and on the stage, in the order in which they begin.
 
 A walk is planned around all walks placed before it, and later walks are planned around it.
+
+A cue is a line of the play: a verb with its player and time. A lane is a list of gestures in order,
+and a footing a place with a heading.
 """
 
 from __future__ import annotations

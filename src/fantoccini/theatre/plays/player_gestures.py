@@ -1,4 +1,7 @@
-"""Gestures of players in cues: from files, or computed for a place or a walk."""
+"""Gestures of players in cues: from files, or computed for a place or a walk.
+
+A mark is a named time of a gesture, and a footing a place with a heading.
+"""
 
 from __future__ import annotations
 

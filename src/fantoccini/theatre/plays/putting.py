@@ -2,10 +2,12 @@
 
     q_K(t) = q_K0 + d(t)
 
-The puppet holds the prop out over the table and lowers it until it stands and the arm is free
-under the bar. Then it steps aside, inward, because the stem is on the outer side of the arm; the
-hand's string, in front of the bar, does not pass it. Offsets are written for an arm of 19 cm, and
-multiplied by the ratio of lengths for others.
+q_K are the driven coordinates, the ends and lengths of strings; q_K0 are their values at rest and
+d(t) the offsets of the gesture. A prop hangs across a forearm by its handle, a T: a bar with free
+ends on a stem. The puppet holds the prop out over the table and lowers it until the prop stands
+and the arm is free under the bar. Then the puppet steps aside, inward, because the stem is on the
+outer side of the arm; the hand's string, in front of the bar, does not touch it. Offsets are
+written for an arm of 19 cm, and multiplied by the ratio of lengths for others.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""Reader of play files: cast, gestures and times of cues; nothing is simulated."""
+"""Reader of play files: cast, gestures and times of cues; nothing is simulated.
+
+A cue is a line of a play: a verb with its player and time.
+"""
 
 from __future__ import annotations
 

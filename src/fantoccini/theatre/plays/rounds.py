@@ -2,6 +2,9 @@
 
 A rule takes the results so far and a round. It returns the new results, and whether any cue
 must be placed again.
+
+A cue is a line of the play, and a footing a place with a heading. Swing is the motion of a hanging
+puppet that outlasts the motion of its hands.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""Shots of a play's film: where its camera looks, and when."""
+"""Shots of a play's film: where its camera looks, and when.
+
+A driven body is moved by the hands, such as a control.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Whole play as one score: the motion of all hands, captions, sounds and waits."""
+"""Whole play as one score: the motion of all hands, captions, sounds and waits.
+
+A cue is a line of the play, and a lane a list of gestures in order.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Figures: the bodies of a puppet as parts of a person, with the places of its joints."""
+"""Figures: the bodies of a puppet as parts of a person, with the places of its joints.
+
+A waist is a joint that divides the trunk. A member is a puppet of a scene.
+"""
 
 from __future__ import annotations
 

@@ -1,6 +1,9 @@
 """Cues of scores and plays: action, players and time. The verb determines the other keys.
 
 A cue has exactly one verb as a key: ``gesture: bow`` in a score, ``walks to: centre`` in a play.
+
+A lane is a list of cues of a score in order. A mark is a named time of a gesture or score, or a
+named place on the stage.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""Log of a script while it is compiled: mistakes, and changes."""
+"""Log of a script while it is compiled: mistakes, and changes.
+
+A script is a score or a play. A change is a deviation of the compiled result from its text.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""Schema of play files: the cast, its props, the stage with its marks, and acts of cues."""
+"""Schema of play files: the cast, its props, the stage with its marks, and acts of cues.
+
+A mark is a named place on the stage, a cue a verb with its players and time. Classes with names in
+`File` are parts of one play file.
+"""
 
 from __future__ import annotations
 

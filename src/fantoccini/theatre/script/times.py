@@ -1,6 +1,8 @@
 """Times in scores and plays: a number, or the name of a mark or of a cue's moment, and an offset.
 
 t = (mark or moment) + offset * beat
+
+A mark is a named time of a gesture or score, and a moment the start, the end or a mark of a cue.
 """
 
 from __future__ import annotations
