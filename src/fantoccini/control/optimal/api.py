@@ -1,4 +1,9 @@
-"""Optimal motions: optimise, and its short form for paths, follow."""
+"""Optimal motions: optimise, and its short form for paths, follow.
+
+acc_K are the accelerations of the driven coordinates, the ends and lengths of strings, constant
+between successive nodes. A slack string does not pull, and a winch slips if it lets out length at
+its largest tension.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""Attribution of the largest residual of a motion: bound, coordinate and time, in words."""
+"""Attribution of the largest residual of a motion: bound, coordinate and time, in words.
+
+A residual is the error by which a motion misses its end, violates a bound, or is not yet optimal. A
+node is a time at which the inputs may change.
+"""
 
 from __future__ import annotations
 

@@ -5,6 +5,9 @@
 
 The compiled method is ``search/stage_clamped.hpp``. Its motions keep the bounds after every
 factorisation, so that it can end after any of them.
+
+u are the accelerations acc_K of the driven coordinates, the ends and lengths of strings; n_vK is
+the number of driven velocities.
 """
 
 from __future__ import annotations

@@ -9,6 +9,9 @@ The mean of this merit over many orders of slack and catch is a smooth function 
 whereas the cost of a single motion has kinks. As the spread falls and the price rises, the
 distribution narrows to one motion and its order of events. All motions of a generation are
 event-driven runs of a compiled batch.
+
+The gap is the error at the end of the motion. A slack string does not pull; at a catch it becomes
+taut again. The inputs are the accelerations acc_K of the driven coordinates q_K.
 """
 
 from __future__ import annotations

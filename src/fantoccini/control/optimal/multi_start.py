@@ -1,4 +1,7 @@
-"""Multi-start search: random explorations, each refined to a local optimum."""
+"""Multi-start search: random explorations, each refined to a local optimum.
+
+An exploration is a search with random motions, through slack and taut strings.
+"""
 
 from __future__ import annotations
 

@@ -1,6 +1,9 @@
 """Rollouts of several driven motions from one state, computed in lanes (SIMD).
 
 x_{i+1} = F(x_i, acc_i),   x_0 given
+
+acc_i are the accelerations acc_K of the driven coordinates in interval i, and F the map of the
+simulator. Lanes are runs that the vector unit of the processor advances together.
 """
 
 from __future__ import annotations

@@ -1,4 +1,8 @@
-"""The result of an optimisation."""
+"""The result of an optimisation.
+
+An event-driven run locates the times at which strings become slack or taut. acc_K are the
+accelerations of the driven coordinates, the ends and lengths of strings.
+"""
 
 from __future__ import annotations
 

@@ -1,6 +1,9 @@
 """Rows of a motion: bounds that may be violated at a price.
 
 low <= r_i(u_{i-1}, z_i, u_i, z_{i+1}) <= high
+
+u_i are the driven accelerations in interval i, z_i and z_{i+1} the changes of the states at its
+ends. A row is here a number r of the motion with its bounds, such as a tension.
 """
 
 from __future__ import annotations

@@ -1,4 +1,8 @@
-"""Simulations of motions: as one event-driven run, or as one run of time steps."""
+"""Simulations of motions: as one event-driven run, or as one run of time steps.
+
+An event-driven run locates the times at which strings become slack or taut; time steps have a fixed
+length. v_D and v_K are the dynamic and the driven velocities.
+"""
 
 from __future__ import annotations
 

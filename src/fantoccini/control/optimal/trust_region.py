@@ -9,6 +9,9 @@ the same program is solved again with
     z_N = z_N + end - x_N(run),
 
 so that larger steps keep near the curved set of motions that meet the end.
+
+J is the cost, du_j the change of input j, and x_N the last state. A row is a condition on a number
+of the motion, and the gap its error at the end.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""Plan files: npz without pickle. With its problem, a search can be continued."""
+"""Plan files: npz without pickle. With its problem, a search can be continued.
+
+The search tree has the states that were reached as nodes, with the pieces of motion between them.
+"""
 
 from __future__ import annotations
 

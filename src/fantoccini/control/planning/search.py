@@ -1,4 +1,7 @@
-"""Searches for a first plan, then for better ones."""
+"""Searches for a first plan, then for better ones.
+
+A node of the tree is a state that a simulation has reached.
+"""
 
 from __future__ import annotations
 

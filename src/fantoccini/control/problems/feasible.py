@@ -1,4 +1,7 @@
-"""Recognition of unreachable goals before the search."""
+"""Recognition of unreachable goals before the search.
+
+A goal is out of reach if no pose of the bodies, on their joints, has it.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""Pushes of props: pusher, start, place and waypoints."""
+"""Pushes of props: pusher, start, place and waypoints.
+
+The pusher is a body that pushes the prop, a free body. q_D are dynamic coordinates, q_K driven
+ones.
+"""
 
 from __future__ import annotations
 

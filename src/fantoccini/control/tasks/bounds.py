@@ -1,4 +1,8 @@
-"""Bounds of a motion: driven coordinates, tensions, joints, forces and motors."""
+"""Bounds of a motion: driven coordinates, tensions, joints, forces and motors.
+
+A driven coordinate is an end or a length of a string, or a driven joint; q_K and v_K are these
+coordinates and their velocities. A drive moves one by a motor towards a command.
+"""
 
 from __future__ import annotations
 

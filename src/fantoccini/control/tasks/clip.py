@@ -1,4 +1,7 @@
-"""Clips: motions of a run as paths of tracks."""
+"""Clips: motions of a run as paths of tracks.
+
+A track is a quantity that should follow a path. q_D are dynamic and q_K driven coordinates.
+"""
 
 from __future__ import annotations
 

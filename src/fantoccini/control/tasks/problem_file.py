@@ -1,4 +1,8 @@
-"""Problem files: tasks of planning in YAML. Every mistake is reported with its location."""
+"""Problem files: tasks of planning in YAML. Every mistake is reported with its location.
+
+Classes with names in `File` are parts of one problem file. A driven coordinate is an end or a
+length of a string, or a driven joint; a slack string does not pull.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""Residuals of costs at nodes, and their derivatives with respect to changes of the states."""
+"""Residuals of costs at nodes, and their derivatives with respect to changes of the states.
+
+A residual is the difference of a quantity from its path. q_D are dynamic and q_K driven
+coordinates, v_D and v_K their velocities.
+"""
 
 from __future__ import annotations
 

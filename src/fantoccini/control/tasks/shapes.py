@@ -3,6 +3,9 @@
     p(t) = c + r (e_1 cos phi + e_2 sin phi),   phi = 2 pi turns (10 s^3 - 15 s^4 + 6 s^5)
 
 with s from 0 to 1: a circle that begins and ends at rest (minimum jerk).
+
+c is the centre and r the radius; e_1 and e_2 are orthogonal unit vectors in the plane of the
+circle.
 """
 
 from __future__ import annotations

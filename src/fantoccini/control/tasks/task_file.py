@@ -1,4 +1,8 @@
-"""Tasks of task files. Every mistake is reported with its location."""
+"""Tasks of task files. Every mistake is reported with its location.
+
+A track is a quantity that should follow a path, a touch a point of a body that should pass a place.
+A node is a time at which the inputs may change.
+"""
 
 from __future__ import annotations
 
