@@ -1,4 +1,7 @@
-"""Anatomy of a puppet at rest: segments of bodies that move as one, and strings tied to them."""
+"""Anatomy of a puppet at rest: segments of bodies that move as one, and strings tied to them.
+
+A chain is a string of point masses and springs. A member is a puppet of a scene.
+"""
 
 from __future__ import annotations
 

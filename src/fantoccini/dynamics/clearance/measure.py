@@ -1,4 +1,8 @@
-"""Clearance: distances of a puppet from obstacles and from itself."""
+"""Clearance: distances of a puppet from obstacles and from itself.
+
+q_D and q_K are the dynamic and driven coordinates of the puppet, here of many configurations at
+once.
+"""
 
 from __future__ import annotations
 

@@ -2,6 +2,9 @@
 
 A puppet's compiled library measures distances from bounding boxes; it calls this module for meshes
 whose boxes are too near.
+
+A solid is a shape of a body or an obstacle. The winding number of a closed surface is 1 at a point
+inside and 0 outside.
 """
 
 from __future__ import annotations

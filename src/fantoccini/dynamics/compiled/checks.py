@@ -1,4 +1,8 @@
-"""Validation of a run's arguments: step, memory, start state, inputs."""
+"""Validation of a run's arguments: step, memory, start state, inputs.
+
+q_D are the dynamic and q_K the driven coordinates, v_D and v_K their velocities. A row is a string
+or a joint limit, and breaks are the times at which pieces of an input meet.
+"""
 
 from __future__ import annotations
 

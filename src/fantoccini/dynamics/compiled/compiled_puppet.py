@@ -2,6 +2,8 @@
 
 The functions of ``fantoccini.dynamics`` take it as argument; :class:`Marionette` adds them as
 methods.
+
+q_D are the dynamic and q_K the driven coordinates. A winch changes the length of a string.
 """
 
 from __future__ import annotations

@@ -1,4 +1,8 @@
-"""Differences of configurations: tangent vectors, ordered as the velocities."""
+"""Differences of configurations: tangent vectors, ordered as the velocities.
+
+A tangent vector has a rotation vector, of three numbers, for an orientation, of four. q_D are the
+dynamic coordinates, n_qD is their number and n_vD that of their velocities.
+"""
 
 from __future__ import annotations
 

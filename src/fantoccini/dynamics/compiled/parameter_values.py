@@ -1,4 +1,7 @@
-"""Values of parameters that differ from run to run of a batch."""
+"""Values of parameters that differ from run to run of a batch.
+
+A parameter is a number that a puppet file names; a winch changes the length of a string.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Pairs of solids of a puppet that may touch, and their overlaps."""
+"""Pairs of solids of a puppet that may touch, and their overlaps.
+
+A solid is a shape of a body or an obstacle, and a link a body on its joint.
+"""
 
 from __future__ import annotations
 

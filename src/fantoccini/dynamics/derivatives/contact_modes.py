@@ -2,6 +2,9 @@
 
 The derivative of a mode is that of the motion where its law holds strictly: points that push have a
 force, those that stick stay inside their cone, open ones open.
+
+A contact point is open, sticks or slides: its mode. Its cone contains the forces that friction
+permits, and u is its relative velocity.
 """
 
 from __future__ import annotations

@@ -8,6 +8,9 @@ tangents, and U = du/dv_D, a point that
 
 An open one holds nothing. Q = U^T f are generalised forces. Tangents turn with the normal and not
 about it; d turns with u:  dd = (1 - d d^T) du_T/|u_T|.
+
+x_n, x_1 and x_2 are the parts of the force, u_T is the tangential part of u, and mu the coefficient
+of friction; v_D are the dynamic velocities.
 """
 
 from __future__ import annotations

@@ -1,4 +1,9 @@
-"""Contacts at a state: points, their modes and forces, as event-driven runs choose them."""
+"""Contacts at a state: points, their modes and forces, as event-driven runs choose them.
+
+A contact point is open, sticks or slides: its mode. acc_D and acc_K are the accelerations of the
+dynamic and the driven coordinates; a row is a string or a joint limit, and the taut ones are the
+active set.
+"""
 
 from __future__ import annotations
 

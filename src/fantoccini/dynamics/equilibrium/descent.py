@@ -8,6 +8,9 @@ identity,
 
 with H the Hessian of V and |H| the same with the absolute values of its eigenvalues, so that a step
 descends at a saddle as well; mu grows where V did not fall and shrinks where it did.
+
+V is the potential energy and -w0 its gradient in y, without strings; h are the gaps of rows
+(strings and limits), and W^T their derivatives. q_D are the dynamic coordinates.
 """
 
 from __future__ import annotations

@@ -1,4 +1,9 @@
-"""States at rest from values by name."""
+"""States at rest from values by name.
+
+q_D are the dynamic coordinates and q_K the driven ones (ends and lengths of strings, driven
+joints). A drive moves a dynamic coordinate by a motor towards its command, which is then the driven
+one.
+"""
 
 from __future__ import annotations
 

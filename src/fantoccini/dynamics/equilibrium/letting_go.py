@@ -1,4 +1,7 @@
-"""Time-stepping runs of a puppet that is let go, with its inputs held."""
+"""Time-stepping runs of a puppet that is let go, with its inputs held.
+
+A winch changes the length of a string, and slips at its largest tension.
+"""
 
 from __future__ import annotations
 

@@ -2,6 +2,9 @@
 
 The ranges are wide, from a finger puppet to a crane. They catch mixed-up units (millimetres,
 g/cm^3, degrees without their unit), which are wrong by factors from 57 to a billion.
+
+q_K are the driven coordinates: ends and lengths of strings, driven joints. A twin is the mirror
+image of a part.
 """
 
 from __future__ import annotations

@@ -3,6 +3,9 @@
 The puppet is let go and stopped whenever its kinetic energy peaks, until it hardly moves. Newton's
 method then refines the equilibrium to rounding. An unstable one is left with a push, and the search
 continues.
+
+q_D are the dynamic coordinates of the puppet. A drive moves a coordinate by a motor; the poles of a
+stepper motor are the positions at which it may stand for one command.
 """
 
 from __future__ import annotations

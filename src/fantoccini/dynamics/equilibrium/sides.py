@@ -2,6 +2,8 @@
 
 A part is paired with another if a word in its name, ``left``, is replaced by ``right`` there; in a
 file with a mirror, the words are the mirror's.
+
+A twin is the mirror image of a body, joint or string. A member is a puppet of a scene.
 """
 
 from __future__ import annotations

@@ -2,6 +2,8 @@
 
 Strings, springs, solids that may touch, and joints connect bodies, except joints that are free
 along gravity. Bodies not connected to the world fall for ever.
+
+A link is a body on its joint, and a root the first link of a tree of bodies.
 """
 
 from __future__ import annotations

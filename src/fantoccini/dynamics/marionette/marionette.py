@@ -1,4 +1,4 @@
-"""Marionette: the public class of a puppet's model, with the algorithms that use it."""
+"""Marionette: a puppet with its equations and compiled library, and the algorithms that use it."""
 
 from __future__ import annotations
 

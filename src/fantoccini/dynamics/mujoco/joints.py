@@ -1,4 +1,7 @@
-"""MuJoCo's joints for a puppet's coordinates, and the pose of a link in its parent."""
+"""MuJoCo's joints for a puppet's coordinates, and the pose of a link in its parent.
+
+A link is a body on its joint. A driven length is given as a function of time; a winch changes it.
+"""
 
 from __future__ import annotations
 

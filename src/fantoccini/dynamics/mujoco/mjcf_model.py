@@ -15,6 +15,9 @@ lacks have exact equivalents:
 A driven coordinate is a joint so heavy that only the force applied to it moves it. Contacts,
 obstacles and the floor are left out, as in fantoccini's simulations. Anything else that MuJoCo
 cannot model is an error.
+
+q_D are the dynamic coordinates and q_K the driven ones, given as functions of time. A twist is the
+rotation about the joint's own axis.
 """
 
 from __future__ import annotations

@@ -1,4 +1,9 @@
-"""Simulation in MuJoCo, returned as a trajectory."""
+"""Simulation in MuJoCo, returned as a trajectory.
+
+q_D are the dynamic coordinates and q_K the driven ones (ends and lengths of strings, driven
+joints), v and acc their rates. The ledger is the table of energies and work, and breaks are the
+times at which pieces of an input meet.
+"""
 
 from __future__ import annotations
 

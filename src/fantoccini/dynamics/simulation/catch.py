@@ -1,4 +1,8 @@
-"""Catches of strings and limits: the rows that an impulse strikes and holds."""
+"""Catches of strings and limits: the rows that an impulse strikes and holds.
+
+A row is a string or a joint limit; at a catch it becomes taut, with an impulse. A saltation
+describes how small changes of the state pass this event, and a wire is a string that also pushes.
+"""
 
 from __future__ import annotations
 

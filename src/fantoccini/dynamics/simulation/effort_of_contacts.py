@@ -1,4 +1,8 @@
-"""Contribution of contacts to the force on every driven coordinate."""
+"""Contribution of contacts to the force on every driven coordinate.
+
+Driven coordinates q_K are ends and lengths of strings and driven joints; the effort is the force
+that the hand exerts on them.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""Impacts of solids: points and rows with an impulse, or held after it."""
+"""Impacts of solids: points and rows with an impulse, or held after it.
+
+A row is a string or a joint limit. A saltation describes how small changes of the state pass an
+impulse; v_D are the dynamic velocities.
+"""
 
 from __future__ import annotations
 

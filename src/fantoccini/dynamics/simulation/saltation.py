@@ -14,6 +14,10 @@ that touch, over points in their modes:
 
 These rows and points are determined by :mod:`fantoccini.dynamics.simulation.catch` and
 :mod:`fantoccini.dynamics.simulation.impact`.
+
+h is the gap of a string, path length minus string length, and a row a string or a limit with its
+gap; - and + mark values before and after the impulse. D stands for the dynamic coordinates, K for
+the driven ones. U are the derivatives of the contact velocities u, X their impulses.
 """
 
 from __future__ import annotations

@@ -1,4 +1,8 @@
-"""Message about drives that lost steps or ran away: loads, and torques of their motors."""
+"""Message about drives that lost steps or ran away: loads, and torques of their motors.
+
+A drive moves a coordinate by a motor towards its command. It loses steps if a stepper motor lags
+too far, and runs away if its load moves it far from its commands.
+"""
 
 from __future__ import annotations
 

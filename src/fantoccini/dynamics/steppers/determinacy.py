@@ -9,6 +9,9 @@ acceleration changes x by
 
 An effort, E x, is uncertain in the same way. Redundant contact points share forces arbitrarily as
 well; this matters only if a tension or effort takes part.
+
+The effort is the force of the hand on a driven coordinate. A_D are the derivatives of string gaps
+by the dynamic coordinates, n_vD and n_vK the numbers of dynamic and driven velocities.
 """
 
 from __future__ import annotations

@@ -7,6 +7,10 @@ self-stress, tensions y >= 0 that balance,
 
 no motion satisfies rows with y . hdot > 0, or y . hdot = 0 and y . hddot > 0. Integrators of rigid
 strings then give unbounded tensions, or tensions that only their own regularisation bounds.
+
+h is the gap of a string, path length minus string length, A_D and A_K its derivatives by the
+dynamic and the driven coordinates; v_K and acc_K are the driven velocities and accelerations, and a
+row is a string with its gap.
 """
 
 from __future__ import annotations

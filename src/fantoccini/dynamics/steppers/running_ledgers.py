@@ -1,4 +1,8 @@
-"""Energy ledgers of runs that are advanced piece by piece: of one run, and of runs in lanes."""
+"""Energy ledgers of runs that are advanced piece by piece: of one run, and of runs in lanes.
+
+A ledger is the table of energies and work of a run. Lanes are runs that the vector unit of the
+processor advances together.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""Runs of a batch of steppers by methods without lanes: a stepper for each run, on threads."""
+"""Runs of a batch of steppers by methods without lanes: a stepper for each run, on threads.
+
+Lanes are runs that the vector unit of the processor advances together. acc_K are the accelerations
+of the driven coordinates.
+"""
 
 from __future__ import annotations
 

@@ -2,6 +2,9 @@
 
 Fixed steps never stop by themselves. A run is sound only if its rows hold and its energy has a
 source. Whole runs, batches and steppers are judged by the functions of this module.
+
+A row is a string or a joint limit. The ledger is the table of energies and work; its residual is
+the energy that it cannot account for.
 """
 
 from __future__ import annotations
