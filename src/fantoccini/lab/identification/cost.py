@@ -1,4 +1,9 @@
-"""Cost of a point's predictions, and the normal equations that minimise it."""
+"""Cost of a point's predictions, and the normal equations that minimise it.
+
+A segment is a piece of the record that is simulated from its own first state; a jump is the
+difference between this state and the end of the previous segment. q_D and v_D are dynamic
+coordinates and velocities.
+"""
 
 from __future__ import annotations
 

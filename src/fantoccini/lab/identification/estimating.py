@@ -1,4 +1,8 @@
-"""``identify``: least-squares estimates of a puppet's unknown parameters from a record."""
+"""``identify``: least-squares estimates of a puppet's unknown parameters from a record.
+
+A record is measurements of a puppet in motion under known inputs. Its segments are simulated
+separately; the jump between two of them is allowed a standard deviation, the drift.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""A record: measurements of a puppet under known inputs, and the unknowns to estimate."""
+"""A record: measurements of a puppet under known inputs, and the unknowns to estimate.
+
+A channel is a measured number over time: a coordinate of a marker, a joint coordinate or a tension.
+q_K are the driven coordinates, the ends and lengths of strings.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,9 @@
-"""The schema of record files."""
+"""The schema of record files.
+
+Classes with names in `Entry` are parts of one record file. The types `Sized`, `Size` and `Place`
+are a number, a positive number and a position of a usual magnitude. A driven coordinate is an end
+or a length of a string, or a driven joint.
+"""
 
 from __future__ import annotations
 

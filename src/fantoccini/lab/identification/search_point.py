@@ -1,4 +1,8 @@
-"""Points of a search: unknowns and first states, with their predictions and derivatives."""
+"""Points of a search: unknowns and first states, with their predictions and derivatives.
+
+theta are the unknown numbers. A segment is a piece of the record that is simulated from its own
+first state: dynamic coordinates q_D and velocities v_D.
+"""
 
 from __future__ import annotations
 

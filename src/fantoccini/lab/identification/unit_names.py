@@ -1,4 +1,8 @@
-"""Units of unknowns and of channels."""
+"""Units of unknowns and of channels.
+
+A channel is a measured number over time, and an unknown a number of the puppet file that is
+estimated.
+"""
 
 from __future__ import annotations
 
