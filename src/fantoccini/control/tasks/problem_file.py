@@ -1,8 +1,8 @@
 """Problem files: tasks of planning in YAML. Every mistake is reported with its location.
 
 Classes with names in `File` are parts of one problem file. The types `Sized` and `Size` are a
-number and a positive number of a usual magnitude. A driven coordinate is an end or a length of a
-string, or a driven joint; a slack string does not pull.
+number and a positive number of at most 1e6. A driven coordinate is an end or a length of a string,
+or a driven joint; a slack string does not pull.
 """
 
 from __future__ import annotations

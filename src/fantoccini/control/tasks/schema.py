@@ -1,8 +1,8 @@
 """The schema of task files.
 
-Classes with names in `File` are parts of one task file; `SIZED` checks that a number has a usual
-magnitude. A driven coordinate is an end or a length of a string, or a driven joint; a drive moves
-one by a motor towards its command.
+Classes with names in `File` are parts of one task file; `SIZED` checks that a number is at most
+1e6. A driven coordinate is an end or a length of a string, or a driven joint; a drive moves one by
+a motor towards its command.
 """
 
 from __future__ import annotations
