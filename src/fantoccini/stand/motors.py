@@ -2,6 +2,9 @@
 
 With gear ratio g and a transmission with travel h per turn, the motor turns by n = 2 pi g / h
 radians per metre (or radian) of the axis.
+
+A transmission is the drum, belt or screw between a motor and the driven coordinate: the end or
+length of a string, or a joint.
 """
 
 from __future__ import annotations

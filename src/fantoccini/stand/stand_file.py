@@ -1,4 +1,8 @@
-"""Stand files: the axes of a stand with their motors and coordinates, and the controllers."""
+"""Stand files: the axes of a stand with their motors and coordinates, and the controllers.
+
+A stand is the machine that moves a puppet, and an axis a motor with its gear and its drum, belt or
+screw. It moves driven coordinates: ends and lengths of strings, driven joints.
+"""
 
 from __future__ import annotations
 
