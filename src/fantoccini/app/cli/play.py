@@ -1,4 +1,7 @@
-"""``fantoccini play``: compiles and verifies a play; writes its report, numbers and film."""
+"""``fantoccini play``: compiles and verifies a play; writes its report, numbers and film.
+
+A cue is a line of a play, a verb with its player and time; a mark is a named time of its gesture.
+"""
 
 from __future__ import annotations
 

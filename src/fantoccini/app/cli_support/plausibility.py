@@ -1,4 +1,7 @@
-"""Warnings about files that are valid but implausible."""
+"""Warnings about files that are valid but implausible.
+
+A waypoint is a time and a value that an input passes through. A member is a puppet of a scene.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Takes of a live performance: editing, playing, saving, and conversion to gestures and films."""
+"""Takes of a live performance: editing, playing, saving, and conversion to gestures and films.
+
+A take is a recording of a performance for editing.
+"""
 
 from __future__ import annotations
 
