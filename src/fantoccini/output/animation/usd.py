@@ -1,4 +1,8 @@
-"""OpenUSD (.usda, .usdc): z up, metres; each body is a prim under its parent's prim."""
+"""OpenUSD (.usda, .usdc): z up, metres; each body is a prim under its parent's prim.
+
+A prim is an object of the file, with a pose that may change over time; a link is a body on its
+joint.
+"""
 
 from __future__ import annotations
 

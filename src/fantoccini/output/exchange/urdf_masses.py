@@ -1,4 +1,7 @@
-"""Masses of links without inertia, computed from their solids."""
+"""Masses of links without inertia, computed from their solids.
+
+URDF is the format of robots in ROS; a link is one of its bodies.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Conversion of visuals and collisions of URDF to shapes."""
+"""Conversion of visuals and collisions of URDF to shapes.
+
+URDF is the format of robots in ROS; a visual is a shape for pictures, a collision one for contacts.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Report of a play's verification: one self-contained page with pictures."""
+"""Report of a play's verification: one self-contained page with pictures.
+
+A cue is a line of the play: a verb with its player and time.
+"""
 
 from __future__ import annotations
 

@@ -3,6 +3,9 @@
 Nothing is derived or compiled for it (see :mod:`fantoccini.output.view.still`). Every text is
 escaped. A picture that fails is left out; if everything fails, the result is None and the notebook
 shows plain text.
+
+q_D and q_K are the dynamic and driven coordinates. At a catch a slack string becomes taut; slip is
+the length that a winch has let out.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""Still pictures: a strip of poses, or one state."""
+"""Still pictures: a strip of poses, or one state.
+
+A strip is a row of poses; a link is a body on its joint.
+"""
 
 from __future__ import annotations
 

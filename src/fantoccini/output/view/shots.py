@@ -1,4 +1,7 @@
-"""Cameras of a film from the shots of a play: cuts, and smooth moves from one shot to the next."""
+"""Cameras of a film from the shots of a play: cuts, and smooth moves from one shot to the next.
+
+A shot is a time of the film with one aim of its camera.
+"""
 
 from __future__ import annotations
 
