@@ -1,4 +1,8 @@
-"""Trajectories on disk: npz files without pickle."""
+"""Trajectories on disk: npz files without pickle.
+
+q_D and q_K are the dynamic and driven coordinates, v and acc their velocities and accelerations. A
+driven coordinate of a drive, a motor with a controller, is its command.
+"""
 
 from __future__ import annotations
 

@@ -75,7 +75,7 @@ class Geometry:
         tree: links and strings, with values in place of parameters.
         arrows: (n, 2, 3) foot and head of the arrows of forces at each time [m]; empty for none.
         guides: (T, n, 3) polylines that the motion is compared with, drawn in front of it [m].
-        max_tension: largest tension of the run, including all its samples; 0 if unknown [N].
+        max_tension: largest tension of the run, also at times not in ``t``; 0 if unknown [N].
     """
 
     title: str
