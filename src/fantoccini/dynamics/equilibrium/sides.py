@@ -34,7 +34,7 @@ def side_findings(
         tree: its tree, with twins.
         poses: (n_links, 3, 4) poses of the links in the file's pose.
         size: size of the puppet [m].
-        number: value of a number of the puppet.
+        number: function from a number of the file, or its parameter, to the value.
     """
     mirror = puppet.mirror
     words = _SIDE_WORDS if mirror is None else (mirror.from_, mirror.to)

@@ -93,7 +93,7 @@ def pose_in_parent(link: Link, q: Array, number: Callable[[Number], float]) -> t
     Args:
         link: the link.
         q: configuration of its joint; empty for the joint frame itself.
-        number: callback for the value of a number of the puppet.
+        number: function from a number of the file, or its parameter, to the value.
     """
     R, r = link.rotation, np.array([number(x) for x in link.offset])
     if not len(q):
