@@ -1,8 +1,11 @@
-"""Results that take seconds to compute, cached as lists of arrays.
+"""Cache of results that take seconds to compute, as lists of arrays.
 
 Convex pieces of meshes are in ``<cache>/<key[:2]>/<key>.npz``, other results in
 ``<cache>/results/<key[:2]>/<key>.npz``. Files are written under a temporary name and renamed;
 nothing is pickled.
+
+Pieces are convex parts of a mesh that is not convex. The key of a result is a hash of everything
+that can change it.
 """
 
 from __future__ import annotations

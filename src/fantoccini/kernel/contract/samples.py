@@ -1,4 +1,8 @@
-"""Samples, events and contact points that a run writes, and numbers of winches that it reads."""
+"""Samples, events and contact points that a run writes, and numbers of winches that it reads.
+
+A sample is one saved instant of a run. A winch changes the length of a string, and its slip is the
+length that it has let out; at a catch, a slack string becomes taut.
+"""
 
 from __future__ import annotations
 

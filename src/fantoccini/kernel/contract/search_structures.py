@@ -1,4 +1,9 @@
-"""Structures of optimal control and planning."""
+"""Structures of optimal control and planning.
+
+D stands for dynamic coordinates (q_D, v_D), K for driven ones (q_K, v_K, acc_K); n_qD, n_vD, n_qK
+and n_vK are the numbers of coordinates and velocities. A row is a condition on a number of the
+motion.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""The contract as a page of the docs: ``docs/functions.md``."""
+"""The contract as a page of the docs: ``docs/functions.md``.
+
+The contract declares the functions and structures that Python and C++ share.
+"""
 
 from __future__ import annotations
 

@@ -1,6 +1,9 @@
 """Symbolic expressions of a tree in the paper's symbols, each derived on first use.
 
 :mod:`fantoccini.kernel.equations.functions` turns them into functions.
+
+D stands for dynamic coordinates (q_D, v_D, acc_D), K for driven ones (q_K, v_K, acc_K: ends and
+lengths of strings, driven joints). A row is a string or a joint limit with its gap.
 """
 
 from __future__ import annotations

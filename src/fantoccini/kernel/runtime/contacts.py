@@ -1,4 +1,7 @@
-"""Solids that may touch, as compiled code reads them."""
+"""Solids that may touch, as compiled code reads them.
+
+A solid is a shape of a body or an obstacle.
+"""
 
 from __future__ import annotations
 

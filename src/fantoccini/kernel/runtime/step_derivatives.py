@@ -1,4 +1,7 @@
-"""Derivatives of many time steps at once (``cpp/fantoccini/derivatives/step_derivatives.hpp``)."""
+"""Derivatives of many time steps at once (``cpp/fantoccini/derivatives/step_derivatives.hpp``).
+
+n_vD and n_vK are the numbers of dynamic and driven velocities, acc_D and acc_K their accelerations.
+"""
 
 from __future__ import annotations
 
