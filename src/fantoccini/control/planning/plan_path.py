@@ -46,7 +46,7 @@ class PlanPath:
 
     @property
     def tolerance(self) -> float:
-        """Tolerance of the goal's distance."""
+        """Weighted distance from the goal at which it counts as reached."""
         return self.problem.tolerance
 
     @property

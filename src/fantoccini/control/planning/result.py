@@ -108,7 +108,7 @@ class PlanResult(Answer):
 
     @property
     def tolerance(self) -> float:
-        """Tolerance of the goal's distance."""
+        """Weighted distance from the goal at which it counts as reached."""
         return self.plan_path.tolerance
 
     @property
