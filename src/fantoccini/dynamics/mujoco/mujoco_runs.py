@@ -19,11 +19,11 @@ from fantoccini.dynamics.mujoco.mujoco_puppet import MuJoCoPuppet
 from fantoccini.motion import LEDGER, SAME_TIME, Columns, Input, State, Trajectory
 
 _STEP_ROUNDING = 1e-6
-"""Excess over a whole number of steps, in steps, that counts as rounding and adds no step."""
+"""Remainder beyond a whole number of steps that is rounding, and adds no step [steps]."""
 
 
 class _Motion(NamedTuple):
-    """Leading fields of a trajectory, in its order, with a sample per step."""
+    """The first fields of a trajectory, in the same order, with a sample per step."""
 
     t: Times
     q_D: ConfigD
@@ -46,18 +46,18 @@ def mujoco_run(
 
     Driven coordinates are set at every step; within a step their accelerations and the user forces
     are constant. Strings and limits are soft: ``violation`` shows how far they give. The trajectory
-    has no events, and nan for losses and work in the ledger.
+    has no events; its ledger, the table of energies, has nan for losses and work.
 
     Args:
         marionette: the puppet.
         x0: start state.
-        inputs: motion of the driven coordinates, and user forces; steps end at their breaks.
+        inputs: motion of the driven coordinates, and user forces; steps end at the inputs' breaks.
         t_end: end of the run [s].
         dt: length of the longest step [s].
         text: MJCF text; see :class:`MuJoCoPuppet`.
 
     Returns:
-        The trajectory with a sample per step; it ends before the first that is not finite.
+        The trajectory with a sample per step; it ends before the first sample that is not finite.
 
     Raises:
         ExchangeError: MuJoCo cannot model a part of the puppet.

@@ -41,8 +41,8 @@ class PartTargets:
     """Targets over time.
 
     Attributes:
-        parts: joint of a person, such as ``elbow_left`` -> (T, 3) target of this point [m]; ``trunk``
-            is the midpoint of the hips.
+        parts: joint of a person, such as ``elbow_left`` -> (T, 3) target of this point [m];
+            ``trunk`` is the midpoint of the hips.
         frames: body of the puppet, such as ``trunk`` -> (T, 3, 4) its orientation and origin.
         scale: ratio s of the puppet's leg to the person's.
     """
@@ -262,7 +262,7 @@ def _head_axes(trunk_axes: Array, head_rotations: Array) -> Array:
 
 
 def _turned_along(trunk: Array, axis: Array, vectors: Array) -> Array:
-    """(T, 3, 3) orientations of the trunk after the least turn that points `axis` along `vectors`."""
+    """(T, 3, 3) orientations of the trunk, turned least so that `axis` points along `vectors`."""
     current, wanted = unit(trunk @ axis), unit(vectors)
     return rotation.matrix(rotation.shortest(current, wanted)) @ trunk
 
