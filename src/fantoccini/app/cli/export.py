@@ -1,6 +1,7 @@
 """``fantoccini export``: writes a puppet's equations as C99, or a saved motion in other formats.
 
-C99 is a version of the language C.
+C99 is a version of the language C. A marionette is a puppet with its compiled equations;
+`marionette.puppet` is the description in its file.
 """
 
 from __future__ import annotations

@@ -7,7 +7,8 @@ real-time iteration of Diehl, Bock and Schloeder, SIAM J. Control Optim. 43, 200
 linearise along the prediction, solve one program of stages, predict again along the step.
 
 acc_K are the accelerations of the driven coordinates, the ends and lengths of strings, and n_vK is
-their number. F is the map of the simulator over one interval.
+their number. F is the map of the simulator over one interval. A marionette is a puppet with its
+compiled equations; `marionette.puppet` is the description in its file.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
 """Equilibria of a puppet at a goal, or as near to it as the puppet can hang.
 
 q_D are the dynamic coordinates and q_K the driven ones, the ends and lengths of strings; n_vD and
-n_vK are the numbers of their velocities. A wire is a string that also pushes.
+n_vK are the numbers of their velocities. A wire is a string that also pushes. A marionette is a
+puppet with its compiled equations; `marionette.puppet` is the description in its file.
 """
 
 from __future__ import annotations

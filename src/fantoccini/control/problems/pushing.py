@@ -1,7 +1,8 @@
 """Pushes of props: pusher, start, place and waypoints.
 
 The pusher is a body that pushes the prop, a free body. q_D are dynamic coordinates, q_K driven
-ones.
+ones. A marionette is a puppet with its compiled equations; `marionette.puppet` is the description
+in its file.
 """
 
 from __future__ import annotations

@@ -2,7 +2,8 @@
 
 Classes with names in `File` are parts of one problem file. The types `Sized` and `Size` are a
 number and a positive number of at most 1e6. A driven coordinate is an end or a length of a string,
-or a driven joint; a slack string does not pull.
+or a driven joint; a slack string does not pull. A marionette is a puppet with its compiled
+equations; `marionette.puppet` is the description in its file.
 """
 
 from __future__ import annotations

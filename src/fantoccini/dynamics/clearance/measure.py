@@ -1,7 +1,8 @@
 """Clearance: distances of a puppet from obstacles and from itself.
 
 q_D and q_K are the dynamic and driven coordinates of the puppet, here of many configurations at
-once.
+once. A marionette is a puppet with its compiled equations; `marionette.puppet` is the description
+in its file.
 """
 
 from __future__ import annotations

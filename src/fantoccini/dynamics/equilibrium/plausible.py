@@ -4,7 +4,8 @@ The ranges are wide, from a finger puppet to a crane. They catch mixed-up units 
 g/cm^3, degrees without their unit), which are wrong by factors from 57 to a billion.
 
 q_K are the driven coordinates: ends and lengths of strings, driven joints. A twin is the mirror
-image of a part.
+image of a part. A marionette is a puppet with its compiled equations; `marionette.puppet` is the
+description in its file.
 """
 
 from __future__ import annotations

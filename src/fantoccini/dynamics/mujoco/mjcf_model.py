@@ -17,7 +17,8 @@ obstacles and the floor are left out, as in fantoccini's simulations. Anything e
 cannot model is an error.
 
 q_D are the dynamic coordinates and q_K the driven ones, given as functions of time. A twist is the
-rotation about the joint's own axis.
+rotation about the joint's own axis. A marionette is a puppet with its compiled equations;
+`marionette.puppet` is the description in its file.
 """
 
 from __future__ import annotations

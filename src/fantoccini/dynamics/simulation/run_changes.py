@@ -1,8 +1,8 @@
 """Derivatives along an event-driven run: over its smooth pieces, and through events.
 
-A change is here a derivative: a small change of the state and of what follows from it. q_D and v_D
-are the dynamic coordinates and velocities, q_K and v_K the driven ones. At a catch, a slack string
-becomes taut.
+A change is here a derivative, as of the state with respect to a parameter. q_D and v_D are the
+dynamic coordinates and velocities, q_K and v_K the driven ones. At a catch, a slack string becomes
+taut.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
 """Units of unknowns and of channels.
 
 A channel is a measured number over time, and an unknown a number of the puppet file that is
-estimated.
+estimated. A marionette is a puppet with its compiled equations; `marionette.puppet` is the
+description in its file.
 """
 
 from __future__ import annotations

@@ -1,7 +1,9 @@
 """Geometry of a puppet and its motion, in metres: everything that is drawn.
 
 A taut string pulls and a slack one sags; a wire also pushes and is drawn like a taut one. q_D and
-q_K are the dynamic and driven coordinates; slip is the length that a winch has let out.
+q_K are the dynamic and driven coordinates; slip is the length that a winch has let out. A
+marionette is a puppet with its compiled equations; `marionette.puppet` is the description in its
+file.
 """
 
 from __future__ import annotations

@@ -5,7 +5,8 @@ escaped. A picture that fails is left out; if everything fails, the result is No
 shows plain text.
 
 q_D and q_K are the dynamic and driven coordinates. At a catch a slack string becomes taut; slip is
-the length that a winch has let out.
+the length that a winch has let out. A marionette is a puppet with its compiled equations;
+`marionette.puppet` is the description in its file.
 """
 
 from __future__ import annotations

@@ -5,7 +5,8 @@ ends of the strings turn about the middle between the shoulders, and the head's 
 face.
 
 A hanging pose is the pose at rest for given driven coordinates q_K, the ends and lengths of
-strings.
+strings. A marionette is a puppet with its compiled equations; `marionette.puppet` is the
+description in its file.
 """
 
 from __future__ import annotations

@@ -5,7 +5,8 @@ which all its strings are tied. A gesture moves parts by offsets for a body of c
 another body they are multiplied by the ratio of the sizes.
 
 A body map says which bodies and strings are trunk, head and limbs. A bar is a body that the hand
-holds and to which strings are tied. A member is a puppet of a scene.
+holds and to which strings are tied. A member is a puppet of a scene. A marionette is a puppet with
+its compiled equations; `marionette.puppet` is the description in its file.
 """
 
 from __future__ import annotations

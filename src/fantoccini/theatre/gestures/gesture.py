@@ -1,9 +1,8 @@
-"""Gestures: offsets of driven coordinates from the puppet's rest, over time.
+"""Gestures: offsets d(t) of driven coordinates q_K, such as string ends and lengths, from rest.
 
     q_K(t) = q_K0 + d(t),   rotations: R(t) = R_0 exp([d(t)]x)
 
-q_K are the driven coordinates (ends and lengths of strings, driven joints). d(t) is a piecewise
-quintic, C^1 at its breaks. Coordinates that a gesture does not name stay free.
+d(t) is a piecewise quintic, C^1 at its breaks. Coordinates that a gesture does not name stay free.
 """
 
 from __future__ import annotations

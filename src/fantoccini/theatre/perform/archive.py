@@ -5,7 +5,8 @@ rest gives the same bits if the samples are reproduced; if they are not, on a ma
 rounding, each second is simulated from the sample at its start.
 
 acc_K are the accelerations of the driven coordinates q_K, which the hands move; q_D are the dynamic
-coordinates. A tick is the interval at which a performance advances.
+coordinates. A tick is the interval at which a performance advances. A marionette is a puppet with
+its compiled equations; `marionette.puppet` is the description in its file.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
 """Figures: the bodies of a puppet as parts of a person, with the places of its joints.
 
-A waist is a joint that divides the trunk. A member is a puppet of a scene.
+A waist is a joint that divides the trunk. A member is a puppet of a scene. A marionette is a puppet
+with its compiled equations; `marionette.puppet` is the description in its file.
 """
 
 from __future__ import annotations
