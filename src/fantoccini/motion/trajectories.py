@@ -1,7 +1,8 @@
 """Trajectories: the results of many runs, lane first.
 
 A lane is here one of these runs. q_D and q_K are the dynamic and driven coordinates, v and acc
-their velocities and accelerations; the ledger is the table of energies and work.
+their velocities and accelerations; the ledger is the table of energies and work. A taut string
+pulls, a slack one does not.
 """
 
 from __future__ import annotations

@@ -2,7 +2,8 @@
 
 q_D are the dynamic coordinates and q_K the driven ones, v and acc their velocities and
 accelerations. The ledger is the table of energies and work; slip is the length that a winch has let
-out.
+out. A taut string pulls, a slack one does not. A drive moves a coordinate by a motor towards its
+command.
 """
 
 from __future__ import annotations

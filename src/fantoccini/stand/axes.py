@@ -9,7 +9,8 @@ the stand can do it.
 
 A stand is the machine that moves a puppet, and an axis a motor with its gear and its drum, belt or
 screw. Driven coordinates q_K are ends and lengths of strings and driven joints, v_K and acc_K their
-velocities and accelerations.
+velocities and accelerations. In names, D stands for dynamic coordinates, which move by the
+equations of motion.
 """
 
 from __future__ import annotations

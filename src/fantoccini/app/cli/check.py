@@ -1,7 +1,8 @@
 """``fantoccini check``: lists all mistakes in files, and warnings.
 
 A stand is the machine that moves a puppet by its axes, the motors. q_K are the driven coordinates,
-ends and lengths of strings, which the inputs move.
+ends and lengths of strings, which the inputs move. In names, D stands for dynamic coordinates,
+which move by the equations of motion.
 """
 
 from __future__ import annotations

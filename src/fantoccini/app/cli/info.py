@@ -2,7 +2,7 @@
 
 A row of the puppet is a string or a joint limit. Driven coordinates q_K are given as functions of
 time, dynamic ones q_D move by the equations of motion; a drive moves one by a motor, and a member
-is a puppet of a scene.
+is a puppet of a scene. A link is a body on its joint.
 """
 
 from __future__ import annotations

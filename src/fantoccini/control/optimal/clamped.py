@@ -7,7 +7,8 @@ The compiled method is ``search/stage_clamped.hpp``. Its motions keep the bounds
 factorisation, so that it can end after any of them.
 
 u are the accelerations acc_K of the driven coordinates, the ends and lengths of strings; n_vK is
-the number of driven velocities.
+the number of driven velocities. In names, D stands for dynamic coordinates, which move by the
+equations of motion.
 """
 
 from __future__ import annotations

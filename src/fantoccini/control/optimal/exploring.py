@@ -11,7 +11,8 @@ distribution narrows to one motion and its order of events. All motions of a gen
 event-driven runs of a compiled batch.
 
 The gap is the error at the end of the motion. A slack string does not pull; at a catch it becomes
-taut again. The inputs are the accelerations acc_K of the driven coordinates q_K.
+taut again. The inputs are the accelerations acc_K of the driven coordinates q_K. In names, D stands
+for dynamic coordinates, which move by the equations of motion.
 """
 
 from __future__ import annotations

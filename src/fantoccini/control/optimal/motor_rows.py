@@ -12,7 +12,8 @@ two rows,
 
 A row is a condition on a number of the motion. R is the resistance, k the motor constant, n the
 gear ratio and i the current of a motor. A drive moves a driven coordinate by such a motor towards
-its command; acc_i are the accelerations of commands and driven coordinates in interval i.
+its command; acc_i are the accelerations of commands and driven coordinates in interval i. In names,
+D stands for dynamic coordinates, which move by the equations of motion.
 """
 
 from __future__ import annotations

@@ -8,7 +8,8 @@ linearise along the prediction, solve one program of stages, predict again along
 
 acc_K are the accelerations of the driven coordinates, the ends and lengths of strings, and n_vK is
 their number. F is the map of the simulator over one interval. A marionette is a puppet with its
-compiled equations; `marionette.puppet` is the description in its file.
+compiled equations; `marionette.puppet` is the description in its file. In names, D stands for
+dynamic coordinates, which move by the equations of motion. A winch changes the length of a string.
 """
 
 from __future__ import annotations

@@ -3,7 +3,8 @@
 x_{i+1} = F(x_i, acc_i),   x_0 given
 
 acc_i are the accelerations acc_K of the driven coordinates in interval i, and F the map of the
-simulator. Lanes are runs that the vector unit of the processor advances together.
+simulator. Lanes are runs that the vector unit of the processor advances together. In names, D
+stands for dynamic coordinates, which move by the equations of motion.
 """
 
 from __future__ import annotations

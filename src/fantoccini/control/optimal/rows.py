@@ -3,7 +3,8 @@
 low <= r_i(u_{i-1}, z_i, u_i, z_{i+1}) <= high
 
 u_i are the driven accelerations in interval i, z_i and z_{i+1} the changes of the states at its
-ends. A row is here a number r of the motion with its bounds, such as a tension.
+ends. A row is here a number r of the motion with its bounds, such as a tension. In names, D stands
+for dynamic coordinates, which move by the equations of motion.
 """
 
 from __future__ import annotations

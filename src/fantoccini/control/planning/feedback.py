@@ -14,7 +14,8 @@ the plan at that time.
 
 A segment is a piece of the plan with constant accelerations acc_K of the driven coordinates, and
 node k the state at its start. D stands for dynamic coordinates, K for driven ones; K_k is a gain
-matrix. At a catch, a slack string becomes taut.
+matrix. At a catch, a slack string becomes taut. Slip is the length of string that a winch lets out
+at its largest tension.
 """
 
 from __future__ import annotations

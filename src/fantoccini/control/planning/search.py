@@ -1,6 +1,7 @@
 """Searches for a first plan, then for better ones.
 
-A node of the tree is a state that a simulation has reached.
+A node of the tree is a state that a simulation has reached. In names, K stands for driven
+coordinates: ends and lengths of strings, driven joints.
 """
 
 from __future__ import annotations

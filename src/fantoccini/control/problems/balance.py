@@ -2,7 +2,8 @@
 
 q_D are the dynamic coordinates and q_K the driven ones, the ends and lengths of strings; n_vD and
 n_vK are the numbers of their velocities. A wire is a string that also pushes. A marionette is a
-puppet with its compiled equations; `marionette.puppet` is the description in its file.
+puppet with its compiled equations; `marionette.puppet` is the description in its file. A taut
+string pulls, a slack one does not.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 The pusher is a body that pushes the prop, a free body. q_D are dynamic coordinates, q_K driven
 ones. A marionette is a puppet with its compiled equations; `marionette.puppet` is the description
-in its file.
+in its file. A link is a body on its joint.
 """
 
 from __future__ import annotations

@@ -1,7 +1,9 @@
 """Bounds of a motion: driven coordinates, tensions, joints, forces and motors.
 
 A driven coordinate is an end or a length of a string, or a driven joint; q_K and v_K are these
-coordinates and their velocities. A drive moves one by a motor towards a command.
+coordinates and their velocities. A drive moves one by a motor towards a command. In names, D stands
+for dynamic coordinates, which move by the equations of motion. A taut string pulls, a slack one
+does not.
 """
 
 from __future__ import annotations

@@ -7,7 +7,7 @@ of speed, at a position from which the coordinate can still stop within its boun
 
 A driven coordinate is an end or a length of a string, or a driven joint; acc_i is its acceleration
 in interval i. W_ij is the value of the hat function of knot j there: 1 at the knot, linear to 0 at
-its neighbours.
+its neighbours. In names, D stands for dynamic coordinates, which move by the equations of motion.
 """
 
 from __future__ import annotations

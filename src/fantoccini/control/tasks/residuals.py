@@ -1,7 +1,7 @@
 """Residuals of costs at nodes, and their derivatives with respect to changes of the states.
 
 A residual is the difference of a quantity from its path. q_D are dynamic and q_K driven
-coordinates, v_D and v_K their velocities.
+coordinates, v_D and v_K their velocities. A link is a body on its joint.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
 """Converter of task files to tasks. Every mistake is reported with its location.
 
 A track is a quantity that should follow a path, a touch a point of a body that should pass a place.
-A node is a time at which the inputs may change.
+A node is a time at which the inputs may change. In names, D stands for dynamic coordinates, which
+move by the equations of motion, and K for driven ones: ends and lengths of strings, driven joints.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 q_D and q_K are the dynamic and driven coordinates of the puppet, here of many configurations at
 once. A marionette is a puppet with its compiled equations; `marionette.puppet` is the description
-in its file.
+in its file. A member is a puppet of a scene. A link is a body on its joint.
 """
 
 from __future__ import annotations

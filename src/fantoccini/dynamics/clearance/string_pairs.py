@@ -2,7 +2,7 @@
 
 A core is the segment, box or ellipsoid that stands for a piece of a string or for a solid. A member
 is a puppet of a scene. A marionette is a puppet with its compiled equations; `marionette.puppet` is
-the description in its file.
+the description in its file. A link is a body on its joint.
 """
 
 from __future__ import annotations

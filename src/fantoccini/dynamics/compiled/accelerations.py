@@ -1,7 +1,8 @@
 """Accelerations and tensions of a state: Eqs. 10 and 11 with the rules of Sec. IV.
 
 acc_D and acc_K are the accelerations of the dynamic and the driven coordinates. A row is a string
-or a joint limit.
+or a joint limit. h is the gap of a string, path length minus string length; hdot and hddot are its
+rates.
 """
 
 from __future__ import annotations

@@ -14,7 +14,9 @@ A taut string acts as a spring across its segments, with k = tension / length: l
 vibrate fast.
 
 M, K and C are the matrices of inertia, stiffness and damping, omega the largest angular frequency;
-k and c are the constants of single springs and dampers.
+k and c are the constants of single springs and dampers. In names, D stands for dynamic coordinates,
+which move by the equations of motion, and K for driven ones: ends and lengths of strings, driven
+joints. A link is a body on its joint.
 """
 
 from __future__ import annotations

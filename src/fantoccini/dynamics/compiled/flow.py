@@ -1,7 +1,8 @@
 """Flow: a puppet's motion between two events as an ordinary differential equation.
 
 y consists of the dynamic coordinates q_D, their velocities v_D and the slip of winches, the lengths
-that they have let out; the driven coordinates q_K are functions of t.
+that they have let out; the driven coordinates q_K are functions of t. A taut string pulls, a slack
+one does not.
 """
 
 from __future__ import annotations

@@ -1,6 +1,8 @@
 """Pairs of solids of a puppet that may touch, and their overlaps.
 
-A solid is a shape of a body or an obstacle, and a link a body on its joint.
+A solid is a shape of a body or an obstacle, and a link a body on its joint. In names, D stands for
+dynamic coordinates, which move by the equations of motion, and K for driven ones: ends and lengths
+of strings, driven joints. A member is a puppet of a scene.
 """
 
 from __future__ import annotations

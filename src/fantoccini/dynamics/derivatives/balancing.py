@@ -8,7 +8,8 @@ Derivatives are central differences, since the library of exact ones takes as lo
 model.
 
 q_D are the dynamic coordinates and acc_D their accelerations; eta are coordinates of the motions
-that held strings and contacts leave free.
+that held strings and contacts leave free. In names, K stands for driven coordinates: ends and
+lengths of strings, driven joints.
 """
 
 from __future__ import annotations

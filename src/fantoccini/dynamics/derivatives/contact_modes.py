@@ -4,7 +4,9 @@ The derivative of a mode is that of the motion where its law holds strictly: poi
 force, those that stick stay inside their cone, open ones open.
 
 A contact point is open, sticks or slides: its mode. Its cone contains the forces that friction
-permits, and u is its relative velocity.
+permits, and u is its relative velocity. In names, D stands for dynamic coordinates, which move by
+the equations of motion, and K for driven ones: ends and lengths of strings, driven joints. The gap
+of two solids is their distance, negative in an overlap.
 """
 
 from __future__ import annotations

@@ -10,7 +10,8 @@ An open one holds nothing. Q = U^T f are generalised forces. Tangents turn with 
 about it; d turns with u:  dd = (1 - d d^T) du_T/|u_T|.
 
 x_n, x_1 and x_2 are the parts of the force, u_T is the tangential part of u, and mu the coefficient
-of friction; v_D are the dynamic velocities.
+of friction; v_D are the dynamic velocities. The gap of two solids is their distance, negative in an
+overlap. A link is a body on its joint.
 """
 
 from __future__ import annotations

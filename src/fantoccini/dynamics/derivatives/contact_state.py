@@ -2,7 +2,7 @@
 
 A contact point is open, sticks or slides: its mode. acc_D and acc_K are the accelerations of the
 dynamic and the driven coordinates; a row is a string or a joint limit, and the taut ones are the
-active set.
+active set. h is the gap of a string, path length minus string length; hdot and hddot are its rates.
 """
 
 from __future__ import annotations

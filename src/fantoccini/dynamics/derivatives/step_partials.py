@@ -13,7 +13,8 @@ times the products' derivatives.
 
 q_D are dynamic and q_K driven coordinates (ends and lengths of strings), v_D and v_K their
 velocities, acc_K driven accelerations. Lambda are the impulses of rows, that is, strings and
-limits.
+limits. A winch changes the length of a string; slip is the length that it lets out at its largest
+tension.
 """
 
 from __future__ import annotations

@@ -10,7 +10,8 @@ with H the Hessian of V and |H| the same with the absolute values of its eigenva
 descends at a saddle as well; mu grows where V did not fall and shrinks where it did.
 
 V is the potential energy and -w0 its gradient in y, without strings; h are the gaps of rows
-(strings and limits), and W^T their derivatives. q_D are the dynamic coordinates.
+(strings and limits), and W^T their derivatives. q_D are the dynamic coordinates. In names, K stands
+for driven coordinates: ends and lengths of strings, driven joints.
 """
 
 from __future__ import annotations

@@ -2,7 +2,8 @@
 
 V is the potential energy, h the gap of a string (path length minus string length, at most 0), and a
 row a string or a joint limit. q_D and v_D are the dynamic coordinates and velocities, q_K and v_K
-the driven ones: ends and lengths of strings, driven joints.
+the driven ones: ends and lengths of strings, driven joints. Slip is the length of string that a
+winch lets out at its largest tension. A taut string pulls, a slack one does not.
 """
 
 from __future__ import annotations

@@ -4,7 +4,9 @@ Forces balance over the pulling rows, whose gaps are zero. Rows that push are re
 rows are held. Relaxation (:mod:`.relaxation`) and descent (:mod:`.descent`) give the start.
 
 A row is a string or a joint limit with its gap h <= 0; it pulls if its tension tau is above 0. -w0
-is the gradient of the potential energy V by a move, and W tau the pull of the rows.
+is the gradient of the potential energy V by a move, and W tau the pull of the rows. In names, D
+stands for dynamic coordinates, which move by the equations of motion, and K for driven ones: ends
+and lengths of strings, driven joints.
 """
 
 from __future__ import annotations

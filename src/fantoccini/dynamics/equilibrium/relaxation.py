@@ -5,7 +5,8 @@ method then refines the equilibrium to rounding. An unstable one is left with a 
 continues.
 
 q_D are the dynamic coordinates of the puppet. A drive moves a coordinate by a motor; the poles of a
-stepper motor are the positions at which it may stand for one command.
+stepper motor are the positions at which it may stand for one command. In names, K stands for driven
+coordinates: ends and lengths of strings, driven joints.
 """
 
 from __future__ import annotations

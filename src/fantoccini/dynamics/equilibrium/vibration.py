@@ -6,7 +6,8 @@ torques, which have no potential, or if solids roll. Forces then act through psi
 psi^T (s^2 + s D + K) = 0.
 
 eta are the free coordinates of a small motion, and phi is the shape of a mode. q_K are the driven
-coordinates, v_K and acc_K their velocities and accelerations.
+coordinates, v_K and acc_K their velocities and accelerations. In names, D stands for dynamic
+coordinates, which move by the equations of motion.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
 """MuJoCo's joints for a puppet's coordinates, and the pose of a link in its parent.
 
 A link is a body on its joint. A driven length is given as a function of time; a winch changes it.
+In names, D stands for dynamic coordinates, which move by the equations of motion.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
 """Contribution of contacts to the force on every driven coordinate.
 
 Driven coordinates q_K are ends and lengths of strings and driven joints; the effort is the force
-that the hand exerts on them.
+that the hand exerts on them. In names, D stands for dynamic coordinates, which move by the
+equations of motion. A link is a body on its joint.
 """
 
 from __future__ import annotations

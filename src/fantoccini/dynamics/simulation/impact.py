@@ -1,7 +1,9 @@
 """Impacts of solids: points and rows with an impulse, or held after it.
 
 A row is a string or a joint limit. A saltation describes how small changes of the state pass an
-impulse; v_D are the dynamic velocities.
+impulse; v_D are the dynamic velocities. In names, K stands for driven coordinates: ends and lengths
+of strings, driven joints. h is the gap of a string, path length minus string length; hdot and hddot
+are its rates.
 """
 
 from __future__ import annotations

@@ -2,7 +2,8 @@
 
 A change is here a derivative, as of the state with respect to a parameter. q_D and v_D are the
 dynamic coordinates and velocities, q_K and v_K the driven ones. At a catch, a slack string becomes
-taut.
+taut. Slip is the length of string that a winch lets out at its largest tension. Breaks are the
+times at which the pieces of an input meet.
 """
 
 from __future__ import annotations

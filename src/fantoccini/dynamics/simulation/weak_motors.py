@@ -1,7 +1,9 @@
 """Message about drives that lost steps or ran away: loads, and torques of their motors.
 
 A drive moves a coordinate by a motor towards its command. It loses steps if a stepper motor lags
-too far, and runs away if its load moves it far from its commands.
+too far, and runs away if its load moves it far from its commands. In names, D stands for dynamic
+coordinates, which move by the equations of motion, and K for driven ones: ends and lengths of
+strings, driven joints. A taut string pulls, a slack one does not.
 """
 
 from __future__ import annotations

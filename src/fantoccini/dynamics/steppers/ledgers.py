@@ -1,7 +1,7 @@
 """Ledgers: energies, work and losses, from the energy terms of runs.
 
 A ledger has the columns kinetic and potential energy, work, losses, and the residual that remains
-of their balance.
+of their balance. Slip is the length of string that a winch lets out at its largest tension.
 """
 
 from __future__ import annotations

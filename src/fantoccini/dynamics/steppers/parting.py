@@ -5,7 +5,8 @@
 solved repeatedly, over all nearby contact points, strings and limits.
 
 gap is the distance of two solids, h the gap of a string (path length minus string length), A_D its
-derivatives by the dynamic coordinates q_D, and M the inertia matrix.
+derivatives by the dynamic coordinates q_D, and M the inertia matrix. In names, K stands for driven
+coordinates: ends and lengths of strings, driven joints.
 """
 
 from __future__ import annotations

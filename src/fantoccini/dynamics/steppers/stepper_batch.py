@@ -2,7 +2,7 @@
 
 q_D are the dynamic coordinates and q_K the driven ones (ends and lengths of strings); slip is the
 length that a winch has let out. Lanes are runs that the vector unit of the processor advances
-together.
+together. A taut string pulls, a slack one does not.
 """
 
 from __future__ import annotations

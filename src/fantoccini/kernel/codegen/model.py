@@ -5,7 +5,8 @@ tables as constants) and ``main.cpp`` (the C interface). Pieces can be compiled 
 parallel. The text depends on the equations only.
 
 A table is a constant array of indices, such as the parents of links. n_vD and n_vK are the numbers
-of dynamic and driven velocities; a row is a string or a joint limit.
+of dynamic and driven velocities; a row is a string or a joint limit. A drive moves a coordinate by
+a motor towards its command.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 Names from the user's file are data: :func:`shown` allows only harmless characters in comments.
 
 q_D and v_D are the dynamic coordinates and velocities, q_K and v_K the driven ones: ends and
-lengths of strings, driven joints.
+lengths of strings, driven joints. A link is a body on its joint.
 """
 
 from __future__ import annotations

@@ -5,7 +5,8 @@ CasADi functions, callers in C++, named results in Python, the C99 header and ``
 are made from the entry.
 
 D stands for dynamic coordinates, K for driven ones (ends and lengths of strings, driven joints). h
-is the gap of a string, A_D and A_K are its derivatives, and n_rows counts strings and limits.
+is the gap of a string, A_D and A_K are its derivatives, and n_rows counts strings and limits. A
+drive moves a coordinate by a motor towards its command.
 """
 
 from __future__ import annotations

@@ -9,7 +9,7 @@ momentum (angular l, linear p), B (w, v) = (-l x w - p x v, -p x w). In both cas
 velocity-dependent part of the bias and dM/dt - 2 C is skew, over all dynamic and driven velocities.
 
 J and Jdot are the Jacobian of a body's twist (velocity) and its rate, I is its inertia. v_D and v_K
-are the dynamic and the driven velocities.
+are the dynamic and the driven velocities. A link is a body on its joint.
 """
 
 from __future__ import annotations

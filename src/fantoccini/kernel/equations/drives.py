@@ -26,7 +26,7 @@ a motor's force has the derivative (n k)^2 / R. dt = 0 gives the exact equations
 
 A drive moves a driven coordinate by a motor towards its command. k is here the stiffness of a
 controller or the motor constant, d the damping, T the largest torque, s the steps per turn, i the
-current with its bound I, and U the largest voltage.
+current with its bound I, and U the largest voltage. A link is a body on its joint.
 """
 
 from __future__ import annotations

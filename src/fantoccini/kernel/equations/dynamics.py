@@ -8,7 +8,7 @@ equations (Eqs. 5-8) without redundant work. The factor of M_DD is derived witho
 
 D stands for dynamic coordinates, K for driven ones (ends and lengths of strings, driven joints);
 lambda is minus the tension, and c the bias: Coriolis and centrifugal forces, gravity. A wrench is a
-force with a torque.
+force with a torque. A link is a body on its joint.
 """
 
 from __future__ import annotations

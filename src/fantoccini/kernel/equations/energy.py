@@ -1,6 +1,7 @@
 """Kinetic and potential energy of a system.
 
-q_D and q_K are the dynamic and driven coordinates, v_D and v_K their velocities.
+q_D and q_K are the dynamic and driven coordinates, v_D and v_K their velocities. A link is a body
+on its joint.
 """
 
 from __future__ import annotations

@@ -4,7 +4,9 @@ The method ``_name`` derives the function ``name`` of the contract. All results 
 are stored column by column.
 
 D stands for dynamic coordinates, K for driven ones. A row is a string or a joint limit with its
-gap, A_D and A_K are the derivatives of the gaps; a drive moves a coordinate by a motor.
+gap, A_D and A_K are the derivatives of the gaps; a drive moves a coordinate by a motor. h is the
+gap of a string, path length minus string length; hdot and hddot are its rates. A link is a body on
+its joint.
 """
 
 from __future__ import annotations

@@ -6,7 +6,7 @@ String (Sec. III-B):  h = sum_k |p_k+1 - p_k| - L,  hdot = A_D v_D + A_K v_K    
 A segment's length is sqrt(d.d + eps^2), so that a slack string through coincident points is finite.
 
 p_k are the points of a string and L its length; D stands for dynamic coordinates, K for driven ones
-(ends and lengths of strings, driven joints).
+(ends and lengths of strings, driven joints). A link is a body on its joint.
 """
 
 from __future__ import annotations

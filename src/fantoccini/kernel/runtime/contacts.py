@@ -1,6 +1,6 @@
 """Solids that may touch, as compiled code reads them.
 
-A solid is a shape of a body or an obstacle.
+A solid is a shape of a body or an obstacle. A link is a body on its joint.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
 """Result of an identification: estimates, their errors, and undetermined combinations.
 
 A record is measurements of a puppet in motion. A combination of unknowns is undetermined if the
-record fits as well when they change together.
+record fits as well when they change together. In names, D stands for dynamic coordinates, which
+move by the equations of motion.
 """
 
 from __future__ import annotations

@@ -7,7 +7,8 @@ state is followed by the smallest change of configuration, and then of velocity,
 
 A segment is a piece of the record that is simulated from its own first state. A row is a string or
 a joint limit with its gap h (path length minus string length); the active ones are taut. q_D and
-v_D are dynamic coordinates and velocities.
+v_D are dynamic coordinates and velocities. In names, K stands for driven coordinates: ends and
+lengths of strings, driven joints.
 """
 
 from __future__ import annotations

@@ -6,7 +6,7 @@ Every joint coordinate and every string length is one row of its
 
 Coordinates are dynamic (q_D, moved by the equations of motion) or driven (q_K, given as functions
 of time), v_D and v_K are their velocities. A drive is a motor that moves a coordinate towards its
-command.
+command. A winch changes the length of a string.
 """
 
 from __future__ import annotations

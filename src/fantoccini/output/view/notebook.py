@@ -6,7 +6,8 @@ shows plain text.
 
 q_D and q_K are the dynamic and driven coordinates. At a catch a slack string becomes taut; slip is
 the length that a winch has let out. A marionette is a puppet with its compiled equations;
-`marionette.puppet` is the description in its file.
+`marionette.puppet` is the description in its file. The ledger is the table of energies and work. A
+link is a body on its joint.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Cameras of a film from the shots of a play: cuts, and smooth moves from one shot to the next.
 
-A shot is a time of the film with one aim of its camera.
+A shot is a time of the film with one aim of its camera. A link is a body on its joint.
 """
 
 from __future__ import annotations

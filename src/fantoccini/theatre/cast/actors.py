@@ -2,7 +2,8 @@
 
 An actor is a player while the play is compiled: in a round, all cues are placed in time and
 simulated, and the faults of the run become corrections for the next round. A footing is a place and
-a heading. A lane is a list of gestures in order.
+a heading. A lane is a list of gestures in order. A spot is the list of keys that leads to an entry
+of the file.
 """
 
 from __future__ import annotations

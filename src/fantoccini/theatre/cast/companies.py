@@ -6,7 +6,8 @@ Where a prop is taken, given or left, companies change, and members continue fro
 A meeting is a time during which certain players and props may touch. q_D are dynamic coordinates,
 q_K driven ones (ends and lengths of strings); slip is the length of string that a winch has let out
 because the tension was too large. A marionette is a puppet with its compiled equations;
-`marionette.puppet` is the description in its file.
+`marionette.puppet` is the description in its file. A taut string pulls, a slack one does not.
+Breaks are the times at which the pieces of a motion meet, and `coef` their coefficients.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
 """Cues of a play with their players, and the times at which they begin.
 
 A cue is a line of a play: a verb with its players and its time. A lane is a list of cues or
-gestures in order, and a shot is a time of the film with its camera.
+gestures in order, and a shot is a time of the film with its camera. A spot is the list of keys that
+leads to an entry of the file.
 """
 
 from __future__ import annotations

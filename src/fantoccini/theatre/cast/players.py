@@ -2,7 +2,7 @@
 
 A footing is a place on the stage with a heading. q_D are the dynamic coordinates of a puppet, q_K
 the driven ones: ends and lengths of its strings. A marionette is a puppet with its compiled
-equations; `marionette.puppet` is the description in its file.
+equations; `marionette.puppet` is the description in its file. A link is a body on its joint.
 """
 
 from __future__ import annotations

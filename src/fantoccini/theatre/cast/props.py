@@ -1,7 +1,8 @@
 """Props of a play, with their holders and places at the start.
 
 A prop is a body that players handle: it stands at a footing, a place with a heading, or it hangs by
-its handle on the forearm of a player.
+its handle on the forearm of a player. A spot is the list of keys that leads to an entry of the
+file.
 """
 
 from __future__ import annotations

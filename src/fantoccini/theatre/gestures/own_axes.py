@@ -10,7 +10,8 @@ If a puppet looks along y, an end of a string that is driven along y alone is dr
 x alone. Such own coordinates keep the indices of the file's, but have names of their own.
 
 A driven coordinate is the end or length of a string, or a driven joint; v_K are their velocities. A
-member is a puppet of a scene.
+member is a puppet of a scene. Breaks are the times at which the pieces of a motion meet, and `coef`
+their coefficients. A link is a body on its joint.
 """
 
 from __future__ import annotations

@@ -4,7 +4,9 @@ Scores and plays are performed in the same way. They differ in the verbs of thei
 treatment of a cue that would be late: see :class:`LatenessPolicy`.
 
 A script is the list of cues of a score or a play, and a cue a verb with its player and time. A lane
-is a list of gestures in order; the offsets of all lanes add up.
+is a list of gestures in order; the offsets of all lanes add up. In names, K stands for driven
+coordinates: ends and lengths of strings, driven joints. A spot is the list of keys that leads to an
+entry of the file.
 """
 
 from __future__ import annotations

@@ -8,7 +8,9 @@ the equation of a pendulum on a string. (Iterative learning control: Arimoto, Ka
 Miyazaki, 1984.)
 
 g is the learning gain. A limb is on time if its string end turns back at the mark, the named time
-of its gesture.
+of its gesture. In names, D stands for dynamic coordinates, which move by the equations of motion,
+and K for driven ones: ends and lengths of strings, driven joints. Breaks are the times at which the
+pieces of a motion meet, and `coef` their coefficients.
 """
 
 from __future__ import annotations

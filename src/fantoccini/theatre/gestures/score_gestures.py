@@ -1,6 +1,8 @@
 """Gestures of a score's cues: from files, or phrases of the score itself.
 
-A cue is a line of a score. A phrase is a part of a score that cues play like a gesture.
+A cue is a line of a score. A phrase is a part of a score that cues play like a gesture. In names, K
+stands for driven coordinates: ends and lengths of strings, driven joints. A spot is the list of
+keys that leads to an entry of the file.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""Sound files of scores, with their durations."""
+"""Sound files of scores, with their durations.
+
+A spot is the list of keys that leads to an entry of the file.
+"""
 
 from __future__ import annotations
 

@@ -6,7 +6,8 @@ rounding, each second is simulated from the sample at its start.
 
 acc_K are the accelerations of the driven coordinates q_K, which the hands move; q_D are the dynamic
 coordinates. A tick is the interval at which a performance advances. A marionette is a puppet with
-its compiled equations; `marionette.puppet` is the description in its file.
+its compiled equations; `marionette.puppet` is the description in its file. A winch changes the
+length of a string.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
 """Cues with props: a player steps up to another or to a thing, handles it, and steps back.
 
 A prop is a body that players handle; it hangs on a forearm by its handle, or stands at a footing, a
-place with a heading. A cue is a line of the play.
+place with a heading. A cue is a line of the play. A spot is the list of keys that leads to an entry
+of the file.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
 """Reader of play files: cast, gestures and times of cues; nothing is simulated.
 
-A cue is a line of a play: a verb with its player and time.
+A cue is a line of a play: a verb with its player and time. A spot is the list of keys that leads to
+an entry of the file.
 """
 
 from __future__ import annotations

@@ -4,7 +4,8 @@ A rule takes the results so far and a round. It returns the new results, and whe
 must be placed again.
 
 A cue is a line of the play, and a footing a place with a heading. Swing is the motion of a hanging
-puppet that outlasts the motion of its hands.
+puppet that outlasts the motion of its hands. A spot is the list of keys that leads to an entry of
+the file.
 """
 
 from __future__ import annotations

@@ -6,7 +6,8 @@ unchanged, and a play that is compiled after a change equals, to the bit, one co
 
 A company is a group of players and props that may touch one another and are simulated together. The
 hands are the driven coordinates q_K, the ends and lengths of strings; q_D are the dynamic
-coordinates. The ledger is the table of energies and work.
+coordinates. The ledger is the table of energies and work. Breaks are the times at which the pieces
+of a motion meet, and `coef` their coefficients.
 """
 
 from __future__ import annotations

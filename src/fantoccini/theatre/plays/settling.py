@@ -8,7 +8,9 @@ A cue that is delayed by p moves the hands by u(t - p); the gradient is that of 
 
 u is the motion of the hands, with the acceleration a_k in step k of length dt; T is the time of
 measurement, P the longest pause, and c the cost of a second of pause. v_D are the dynamic
-velocities. A rollout is a simulation.
+velocities. A rollout is a simulation. In names, K stands for driven coordinates: ends and lengths
+of strings, driven joints. Breaks are the times at which the pieces of a motion meet, and `coef`
+their coefficients.
 """
 
 from __future__ import annotations

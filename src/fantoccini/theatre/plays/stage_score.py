@@ -1,6 +1,7 @@
 """Whole play as one score: the motion of all hands, captions, sounds and waits.
 
-A cue is a line of the play, and a lane a list of gestures in order.
+A cue is a line of the play, and a lane a list of gestures in order. A spot is the list of keys that
+leads to an entry of the file.
 """
 
 from __future__ import annotations

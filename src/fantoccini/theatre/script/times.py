@@ -2,7 +2,8 @@
 
 t = (mark or moment) + offset * beat
 
-A mark is a named time of a gesture or score, and a moment the start, the end or a mark of a cue.
+A mark is a named time of a gesture or score, and a moment the start, the end or a mark of a cue. A
+spot is the list of keys that leads to an entry of the file.
 """
 
 from __future__ import annotations
