@@ -3,7 +3,9 @@
 V is the potential energy, h the gap of a string (path length minus string length, at most 0), and a
 row a string or a joint limit. q_D and v_D are the dynamic coordinates and velocities, q_K and v_K
 the driven ones: ends and lengths of strings, driven joints. Slip is the length of string that a
-winch lets out at its largest tension. A taut string pulls, a slack one does not.
+winch lets out at its largest tension. A taut string pulls, a slack one does not. With the inertia
+matrix M_DD = F^T F, w0 = F^-T f are the scaled forces f without strings, and W = F^-T A_D^T those
+of unit tensions.
 """
 
 from __future__ import annotations
