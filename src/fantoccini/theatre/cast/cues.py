@@ -2,7 +2,7 @@
 
 A cue is a line of a play: a verb with its players and its time. A lane is a list of cues or
 gestures in order, and a shot is a time of the film with its camera. A spot is the list of keys that
-leads to an entry of the file.
+leads to an entry of the file. Mistakes of the file are recorded in a log.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 A prop is a body that players handle: it stands at a footing, a place with a heading, or it hangs by
 its handle on the forearm of a player. A spot is the list of keys that leads to an entry of the
-file.
+file. Mistakes of the file are recorded in a log.
 """
 
 from __future__ import annotations

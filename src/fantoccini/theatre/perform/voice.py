@@ -136,7 +136,7 @@ class Voice:
 
 
 def line_from(offsets: Offsets, bounds: Array) -> MotionSequence:
-    """Line that continues from offsets."""
+    """Empty sequence of motions that begins with these offsets and rates."""
     return MotionSequence.empty(bounds, offsets.d, offsets.rate, offsets.origin_shift)
 
 
