@@ -1,7 +1,8 @@
 """``fantoccini rest``: the state in which a puppet hangs still.
 
 q_D are the dynamic coordinates of the puppet and q_K the driven ones, the ends and lengths of
-strings, which are fixed in this search. A slack string does not pull.
+strings, which are fixed in this search. A slack string does not pull. A row of the tree describes a
+string, limit, spring or drive, a row of the coordinate table one coordinate.
 """
 
 from __future__ import annotations

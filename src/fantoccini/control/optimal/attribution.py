@@ -3,6 +3,7 @@
 A residual is the error by which a motion misses its end, violates a bound, or is not yet optimal. A
 node is a time at which the inputs may change. In names, D stands for dynamic coordinates, which
 move by the equations of motion, and K for driven ones: ends and lengths of strings, driven joints.
+A row is a condition on a number of the motion, such as a tension.
 """
 
 from __future__ import annotations

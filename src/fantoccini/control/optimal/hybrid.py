@@ -8,7 +8,8 @@ eliminates the time of the event by its guard h = 0
 
 At a release, a string loses its tension and goes slack; at a catch it becomes taut again, with an
 impulse. h is the gap of a string, its path length minus its own. dq_D and dq_K are changes of
-dynamic and driven coordinates; u_i are the driven accelerations acc_K in interval i.
+dynamic and driven coordinates; u_i are the driven accelerations acc_K in interval i. A node is a
+time at which the inputs may change, with its state; an interval leads to the next node.
 """
 
 from __future__ import annotations

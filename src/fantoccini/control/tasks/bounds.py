@@ -3,7 +3,7 @@
 A driven coordinate is an end or a length of a string, or a driven joint; q_K and v_K are these
 coordinates and their velocities. A drive moves one by a motor towards a command. In names, D stands
 for dynamic coordinates, which move by the equations of motion. A taut string pulls, a slack one
-does not.
+does not. A row is a condition on a number of the motion, such as a tension.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ A puppet's compiled library measures distances from bounding boxes; it calls thi
 whose boxes are too near.
 
 A solid is a shape of a body or an obstacle. The winding number of a closed surface is 1 at a point
-inside and 0 outside.
+inside and 0 outside. A hull is the smallest convex solid around a mesh or a piece of it.
 """
 
 from __future__ import annotations

@@ -6,7 +6,8 @@ g/cm^3, degrees without their unit), which are wrong by factors from 57 to a bil
 q_K are the driven coordinates: ends and lengths of strings, driven joints. A twin is the mirror
 image of a part. A marionette is a puppet with its compiled equations; `marionette.puppet` is the
 description in its file. In names, D stands for dynamic coordinates, which move by the equations of
-motion. Breaks are the times at which the pieces of an input meet.
+motion. Breaks are the times at which the pieces of an input meet. A row of the tree describes a
+string, limit, spring or drive, a row of the coordinate table one coordinate.
 """
 
 from __future__ import annotations

@@ -6,7 +6,8 @@ continues.
 
 q_D are the dynamic coordinates of the puppet. A drive moves a coordinate by a motor; the poles of a
 stepper motor are the positions at which it may stand for one command. In names, K stands for driven
-coordinates: ends and lengths of strings, driven joints.
+coordinates: ends and lengths of strings, driven joints. A row of the tree describes a string,
+limit, spring or drive, a row of the coordinate table one coordinate.
 """
 
 from __future__ import annotations

@@ -7,7 +7,8 @@ psi^T (s^2 + s D + K) = 0.
 
 eta are the free coordinates of a small motion, and phi is the shape of a mode. q_K are the driven
 coordinates, v_K and acc_K their velocities and accelerations. In names, D stands for dynamic
-coordinates, which move by the equations of motion.
+coordinates, which move by the equations of motion. A row is a string or a joint limit with its gap
+h <= 0.
 """
 
 from __future__ import annotations

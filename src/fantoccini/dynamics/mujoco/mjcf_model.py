@@ -19,7 +19,8 @@ cannot model is an error.
 q_D are the dynamic coordinates and q_K the driven ones, given as functions of time. A twist is the
 rotation about the joint's own axis. A marionette is a puppet with its compiled equations;
 `marionette.puppet` is the description in its file. A winch changes the length of a string. A drive
-moves a coordinate by a motor towards its command.
+moves a coordinate by a motor towards its command. A row of the tree describes a string, limit,
+spring or drive, a row of the coordinate table one coordinate.
 """
 
 from __future__ import annotations

@@ -2,7 +2,8 @@
 
 q_D are the dynamic coordinates and q_K the driven ones (ends and lengths of strings, driven
 joints), v and acc their rates. The ledger is the table of energies and work, and breaks are the
-times at which pieces of an input meet.
+times at which pieces of an input meet. A row of the tree describes a string, limit, spring or
+drive, a row of the coordinate table one coordinate.
 """
 
 from __future__ import annotations

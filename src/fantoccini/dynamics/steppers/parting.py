@@ -6,7 +6,8 @@ solved repeatedly, over all nearby contact points, strings and limits.
 
 gap is the distance of two solids, h the gap of a string (path length minus string length), A_D its
 derivatives by the dynamic coordinates q_D, and M the inertia matrix. In names, K stands for driven
-coordinates: ends and lengths of strings, driven joints.
+coordinates: ends and lengths of strings, driven joints. A row is a string or a joint limit with its
+gap h <= 0.
 """
 
 from __future__ import annotations

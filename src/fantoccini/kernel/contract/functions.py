@@ -6,7 +6,8 @@ are made from the entry.
 
 D stands for dynamic coordinates, K for driven ones (ends and lengths of strings, driven joints). h
 is the gap of a string, A_D and A_K are its derivatives, and n_rows counts strings and limits. A
-drive moves a coordinate by a motor towards its command.
+drive moves a coordinate by a motor towards its command. A twist is a velocity of a link, linear and
+angular; a screw is the twist per unit of one joint velocity.
 """
 
 from __future__ import annotations

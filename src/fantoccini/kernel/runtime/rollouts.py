@@ -2,7 +2,8 @@
 
 A rollout is a simulation within the search, and a segment a piece of it with constant driven
 accelerations acc_K. q_D and q_K are the dynamic and driven coordinates; lanes are rollouts that the
-vector unit of the processor advances together. A winch changes the length of a string.
+vector unit of the processor advances together. A winch changes the length of a string. At a catch,
+a slack string becomes taut, with an impulse.
 """
 
 from __future__ import annotations

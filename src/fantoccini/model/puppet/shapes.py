@@ -3,7 +3,7 @@
 A shape with a mass or a density contributes to its body's inertia.
 
 An obstacle is a shape fixed in the world. An inertia has moments and products, about the axes of
-its frame.
+its frame. A solid is a shape of a body or an obstacle.
 """
 
 from __future__ import annotations

@@ -6,7 +6,8 @@ motion does not determine a tension or effort (``/undetermined``). Shapes are wr
 in the bodies' frames (``/bodies``). Messages are in Protocol Buffers, with their schemas.
 
 q_D and q_K are the dynamic and driven coordinates, v and acc their velocities and accelerations. An
-effort is the force of the hand on a driven coordinate. A link is a body on its joint.
+effort is the force of the hand on a driven coordinate. A link is a body on its joint. A solid is a
+shape of a body or an obstacle.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 A taut string pulls and a slack one sags; a wire also pushes and is drawn like a taut one. q_D and
 q_K are the dynamic and driven coordinates; slip is the length that a winch has let out. A
 marionette is a puppet with its compiled equations; `marionette.puppet` is the description in its
-file. A link is a body on its joint.
+file. A link is a body on its joint. A solid is a shape of a body or an obstacle.
 """
 
 from __future__ import annotations

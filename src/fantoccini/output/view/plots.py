@@ -2,7 +2,7 @@
 
 The active set is the set of taut strings, and the ledger the table of energies and work. q_K are
 the driven coordinates, the ends and lengths of strings. In names, D stands for dynamic coordinates,
-which move by the equations of motion.
+which move by the equations of motion. At a catch, a slack string becomes taut, with an impulse.
 """
 
 from __future__ import annotations

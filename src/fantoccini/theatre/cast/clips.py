@@ -1,7 +1,7 @@
 """Clips of motion capture that cues perform, as gestures on the spot.
 
 A clip is a captured motion of a person. On the spot means that its motion over the floor is left
-out.
+out. The stage is the scene with all players, props and obstacles.
 """
 
 from __future__ import annotations

@@ -2,7 +2,8 @@
 
 A sole is the lowest part of a foot. q_D are dynamic coordinates, q_K driven ones (ends and lengths
 of strings); a slack string does not pull. A marionette is a puppet with its compiled equations;
-`marionette.puppet` is the description in its file.
+`marionette.puppet` is the description in its file. The heading is the angle of the forward
+direction, seen from above.
 """
 
 from __future__ import annotations

@@ -6,7 +6,8 @@ face.
 
 A hanging pose is the pose at rest for given driven coordinates q_K, the ends and lengths of
 strings. A marionette is a puppet with its compiled equations; `marionette.puppet` is the
-description in its file. A member is a puppet of a scene.
+description in its file. A member is a puppet of a scene. The heading is the angle of the forward
+direction, seen from above.
 """
 
 from __future__ import annotations

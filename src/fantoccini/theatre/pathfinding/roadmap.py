@@ -7,7 +7,7 @@ leg, infinite if an obstacle blocks it. Costs of metres and turns are so small t
 between ways of equally many steps.
 
 A leg is a straight walk between two places. i, j and k are places: a puppet walks from i to j and
-on to k.
+on to k. The heading is the angle of the forward direction, seen from above.
 """
 
 from __future__ import annotations

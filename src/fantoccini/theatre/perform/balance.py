@@ -5,7 +5,8 @@
 over the motion of the hands, within their bounds; c_i are the bodies' centres of mass.
 
 m_i is the mass of a body and m the sum; v_D are the dynamic velocities, and q_K the driven
-coordinates that the hands move, with the accelerations acc_K. A link is a body on its joint.
+coordinates that the hands move, with the accelerations acc_K. A link is a body on its joint. A tick
+is the interval at which a performance advances.
 """
 
 from __future__ import annotations

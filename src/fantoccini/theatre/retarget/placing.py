@@ -5,7 +5,7 @@ Directions are those of the person, lengths those of the puppet:
     x_hips(t) = s x_hips,clip(t),   x_end(t) = x_begin(t) + l d(t)   for each bone
 
 with the length l of each part of the puppet, its direction d(t) in the clip, and the ratio s of the
-puppet's leg to the person's.
+puppet's leg to the person's. The heading is the angle of the forward direction, seen from above.
 """
 
 from __future__ import annotations
