@@ -94,7 +94,7 @@ class _Step:
 
 
 class TrustRegionSearch:
-    """A search that improves a motion in which strings come slack and taut.
+    """A search that improves a motion in which strings go slack and become taut.
 
     Args:
         start: first motion.

@@ -188,13 +188,13 @@ class BoundsFile(Model):
     speed: Magnitudes = None
     """Largest speed, for all driven coordinates or name -> speed [m/s or rad/s]."""
     acceleration: Magnitudes = None
-    """Largest acceleration, likewise [m/s^2 or rad/s^2]."""
+    """Largest acceleration, for all or name -> acceleration [m/s^2 or rad/s^2]."""
     jerk: Magnitudes = None
-    """Largest jerk, likewise [m/s^3 or rad/s^3]."""
+    """Largest jerk, for all or name -> jerk [m/s^3 or rad/s^3]."""
     voltage: Magnitudes = None
     """Largest voltage of dc motors, for all or name of the command -> voltage [V]."""
     current: Magnitudes = None
-    """Largest current, likewise [A]."""
+    """Largest current of dc motors, for all or name of the command -> current [A]."""
     held: tuple[str, ...] = ()
     """Driven velocities that stay 0."""
     clearance: Annotated[NotNegative | None, SIZED] = None

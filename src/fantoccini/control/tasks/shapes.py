@@ -27,7 +27,7 @@ class Circle:
     Attributes:
         centre, e_1, e_2: (3,) centre, and unit vectors of the plane's axes [m, 1, 1].
         radius: radius [m].
-        turns: number of turns; negative: the other way about the normal.
+        turns: number of turns about the normal, by the right hand; negative for the opposite sense.
         start, end: times at which it begins and ends [s]; it rests before and after.
     """
 

@@ -40,7 +40,7 @@ class Newton:
     move_rounding: float = 1e-15  # Move of Newton's method that counts as rounding
     pushes: tuple[float, ...] = (0.05, 0.01, 0.002)
     """Sizes of the pushes off an unstable equilibrium, as their largest parts."""
-    potential_fall: float = 1e-12  # Fall of V above rounding, over the puppet's weight [m]
+    potential_fall: float = 1e-12  # Fall of V above rounding, divided by the puppet's weight [m]
     max_turn_rounds: int = 12  # Rounds of :func:`nearest_to_requested`
     turn_rounding: float = 1e-13  # Turn that counts as rounding
     max_neutral_stiffness: float = 1e-6

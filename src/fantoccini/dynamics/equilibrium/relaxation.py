@@ -44,7 +44,7 @@ class RelaxationBounds:
     max_rest_distance: float = 1e-6
     """Distance up to which the puppet is at an equilibrium instead of passing it, and the largest
     acceleration there."""
-    max_drive_move: float = 0.1  # Move from which a drive gives way
+    max_drive_move: float = 0.1  # Move from which a drive counts as too weak
     max_distance: float = 100.0  # Move from which the puppet has no equilibrium
     max_restarts: int = 8  # Restarts from unstable equilibria
     min_growth_rate: float = 1e-6

@@ -61,7 +61,7 @@ def _centres(tree: Tree, poses: Array, number: Callable[[Number], float]) -> dic
 def _twin_findings(
     puppet: Puppet, words: tuple[str, str], centres: dict[str, Array], size: float
 ) -> Iterator[Finding]:
-    """Twins that lie in one another, and those whose sides are the other way round."""
+    """Twins that overlap, and twins on the side opposite to their names."""
     offsets: dict[str, dict[int, Array]] = {}  # by member of a scene: each faces its own way
     for i, body in enumerate(puppet.bodies):
         member, dot, part_name = body.name.rpartition(".")

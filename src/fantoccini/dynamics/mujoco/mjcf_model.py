@@ -65,7 +65,7 @@ class Substitutes:
     forces accelerate it by about a millionth of the puppet's own accelerations."""
     puppet_mass: float = 1.0  # Mass used for a massless puppet in driven_inertia [kg]
     min_mass: float = 1e-12  # Mass of a massless moving body [kg]: MuJoCo refuses 0
-    min_moment: float = 1e-14  # Moments of inertia of such a body [kg m^2], likewise
+    min_moment: float = 1e-14  # Moments of inertia of a massless moving body [kg m^2]
     twist_length: float = 3.0
     """Largest length of a twist's tendon before its first update [m]: more than the distance of any
     two points 1 m from the joint, so that the limit does not act."""

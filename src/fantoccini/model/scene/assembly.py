@@ -288,7 +288,7 @@ def _add_member(data: dict[str, Any], placement: _PlacedMember, folder: Path) ->
     """Adds the parts of a puppet to the data of the scene.
 
     Returns:
-        The puppet's name of an obstacle that equals one of the scene -> that one's name.
+        Name of a puppet's obstacle that equals an obstacle of the scene -> name of the latter.
     """
     parts = _data_in_scene(placement, plain(placement.puppet), folder)
     if placement.frame != "world":
