@@ -21,7 +21,7 @@ class StepPartials(NamedTuple):
 
     Attributes:
         acc_D: (n, n_vD) mean accelerations over the steps.
-        motion: (n, 2 n_vD, m) derivatives of (dq_D, v_D) after the step. Columns of v_K and acc_K of
+        motion: (n, 2 n_vD, m) derivatives of (dq_D, v_D) after the step. Columns of v_K, acc_K of
             driven rotations are by dq_K/dt and dv_K/dt over the step instead.
         pull: (n, n_rows, m) derivatives of the tensions, on request.
         shares: (n, 3 capacity, m) derivatives of the forces of points that push, on request.

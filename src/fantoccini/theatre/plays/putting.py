@@ -40,17 +40,16 @@ _HELD_OUT = {"forward": 0.4, "in": 0.065, "up": 0.03}
 """Offsets of the hand's string that hold a prop far out [m]."""
 _RISE = 0.045
 """Rise of the hand's string before it reaches out [m]."""
-_HELD_OUT_RISE, _RISE_PER_STRING_RISE = 0.027, 0.7
-"""Rise of a prop that is held out, above its height in the pose for carrying, if the hand's string
-is as high as in that pose [m]; and rise of the prop, relative to that of the string."""
+_HELD_OUT_RISE, _PROP_PER_STRING = 0.027, 0.7
+"""Rise of a prop that is held out, relative to the pose for carrying, with the hand's string at its
+height there [m]; and vertical motion of the prop, relative to that of the string."""
 _FREE_DESCENT = 0.05
 """Further descent of the hand's string, until the arm is free under the bar [m]."""
 _FORWARD, _FORWARD_PER_DROP, _OUTWARD = 0.147, 0.62, -0.009
-"""Place of a prop that is put down, from the elbow: distance forward if its height is the same as
-before [m], decrease of this distance relative to the drop, and distance outward [m]."""
+"""Place of a prop that is put down at the height at which it hung, from the elbow: distance forward
+[m], decrease of that relative to the drop, and distance outward [m]."""
 _GLIDE = 0.1
-"""Distance by which all strings move the puppet forward while its feet stay; steps would make the
-puppet swing too far [m]."""
+"""Distance by which the puppet glides ahead over its feet; steps would swing too wide [m]."""
 _UPRIGHT, _WITHDRAWN = 0.015, 0.11
 """Inward offsets of the arm: to set the prop upright, and to leave the space under the bar [m]."""
 _DURATION = 17.5
@@ -79,7 +78,7 @@ def put_down(
 ) -> Putting:
     """Gesture that puts a prop on something and takes the forearm away: 17.5 s.
 
-    It begins in the pose of :func:`~fantoccini.theatre.cast.prop_gestures.carry` and ends at the
+    It begins in the pose of :func:`~fantoccini.theatre.cast.prop_gestures.carry` and ends in the
     pose in which the puppet rests.
 
     Args:
@@ -149,8 +148,8 @@ def putting(
         text = f"{prop} would go down by {drop:.3f} m; needed: {min_drop:.3g} to {max_drop:.3g} m"
         raise ValueError(text)
     string, glide = physique.hand_string(side), scale * _GLIDE
-    held_out = {direction: scale * offset for direction, offset in _HELD_OUT.items()}
-    touch_offset = -(drop + scale * _HELD_OUT_RISE) / _RISE_PER_STRING_RISE
+    held_out = {way: scale * offset for way, offset in _HELD_OUT.items()}
+    touch_offset = -(drop + scale * _HELD_OUT_RISE) / _PROP_PER_STRING
     lowest_offset = touch_offset - scale * _FREE_DESCENT
     waypoints = shifted(
         physique,
@@ -187,8 +186,8 @@ def putting(
         waypoints, name = reverse_waypoints(waypoints, _DURATION), "pick up"
         marks = {"under": _DURATION - 9.5, "up": _DURATION - 6.5}
     elbow = physique.place(physique.forearm(side))
-    distance_shift = 0.0 if elbow_distance is None else elbow_distance - scale * _ELBOW_DISTANCE
-    forward = glide + scale * _FORWARD + float(elbow[0]) - _FORWARD_PER_DROP * drop + distance_shift
+    distance_error = 0.0 if elbow_distance is None else elbow_distance - scale * _ELBOW_DISTANCE
+    forward = glide + scale * _FORWARD + float(elbow[0]) - _FORWARD_PER_DROP * drop + distance_error
     touching = ((physique.forearm(side), prop),)
     return Putting(
         member_gesture(stage, who, waypoints, name, marks),
