@@ -119,7 +119,7 @@ class Plot:
         gui: panel of the server, to which controls are added.
         names: names of the lines, as plain text.
         theme: colours.
-        label: unit of the values.
+        label: unit of the values, as a label of their axis.
         time_range: first and last time [s].
         value_range: lower and upper end of the values.
         mark: whether to mark the current time.

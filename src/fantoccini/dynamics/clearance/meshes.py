@@ -38,7 +38,7 @@ _TOLERANCES = _Tolerances()
 class Meshes:
     """Meshes among the solids, and their distances from other solids.
 
-        d = min |x - y|, x in the mesh, y in the other's core (the solid less its radius)
+        d = min |x - y|, x in the mesh, y in the other's core (the solid without its radius)
 
     A closed mesh is solid: anything inside it overlaps it. A mesh is closed if its triangles use
     every edge equally often in both directions; it may have several pieces and hollows. Other

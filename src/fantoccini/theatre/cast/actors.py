@@ -56,7 +56,7 @@ class Actor:
         return self.footing_at(np.inf)
 
     def rested(self) -> Actor:
-        """The actor with all its strings brought to rest."""
+        """The actor with all its strings stopped smoothly."""
         return replace(self, hands=self.hands.rested())
 
     def motion(self, until: float) -> tuple[Gesture, dict[str, Gesture]]:
