@@ -79,7 +79,7 @@ class Flow:
     def guards(self, t: float, y: Array) -> Array:
         """Functions (n_rows + n_watched,), above 0 where a string or limit would catch or release.
 
-        For a slack row, h divided by the string's length, or h of a limit; for a taut one, minus its
+        For a slack row, h divided by the string's length, or a limit's h; for a taut one, minus its
         tension, or the tension beyond its winch's largest, divided by the puppet's weight. The last
         functions belong to the drives that may lose a step or run away.
         """
