@@ -1,4 +1,7 @@
-"""Command line, and pages in the browser."""
+"""Command line, and pages in the browser.
+
+A page shows a puppet in the browser: live, or as the replay of a motion.
+"""
 
 from lazy_loader import attach_stub
 

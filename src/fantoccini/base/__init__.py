@@ -1,4 +1,11 @@
-"""Errors and statuses, arrays, rotations, polynomials, files, progress: for every package."""
+"""Errors and statuses, arrays, rotations, polynomials, files, progress: for every package.
+
+Names end in D for dynamic coordinates, which move by the equations of motion, and in K for driven
+ones, given as functions of time: ConfigD and ConfigK are arrays of coordinates, VecD and VecK of
+velocities. MaskRows is a mask of rows: strings and joint limits. `ARRIVED` are the statuses of runs
+that reached their end, `UNSOUND` those of runs whose results are wrong. A mistake is an error in a
+file, with its line; an outcome is the status of a search.
+"""
 
 from fantoccini.base import interpolate, npz, polynomial, riccati, rotation, tangent
 from fantoccini.base.arrays import (

@@ -3,6 +3,9 @@
 The last axis is always the coordinate; lane and time come before it. The names are those of the
 coordinate table: n_qD, n_vD, n_qK, n_vK configuration numbers and velocities of the dynamic and
 the driven coordinates, n_rows one-sided rows (strings, then limits).
+
+Dynamic coordinates move by the equations of motion; driven ones, ends and lengths of strings and
+driven joints, are given as functions of time. A lane is one of several runs.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""UDP sockets. Addresses that reach several machines must be allowed explicitly."""
+"""UDP sockets. Addresses that reach several machines must be allowed explicitly.
+
+A datagram is a packet of UDP; a multicast address reaches several machines.
+"""
 
 from __future__ import annotations
 

@@ -3,6 +3,9 @@
 Errors compose their message from their arguments: subject, place, value found, values allowed, what
 to do. A run that stops early returns a result with a :class:`Status`, or raises a
 :class:`SimulationError`, which carries the trajectory up to the last accepted step.
+
+A mistake is an error in a user's file, with its line; an outcome is the status of a search. A drive
+is a motor that moves a coordinate, and redundant strings are more than the motion needs.
 """
 
 from __future__ import annotations

@@ -2,6 +2,8 @@
 
 A quaternion goes through the tangent space of the left sample's rotation: R = R_left exp([phi]x),
 with phi the quintic whose ends have the two samples' angular velocities and accelerations.
+
+A quintic is a polynomial of degree 5, and phi a rotation vector: axis times angle.
 """
 
 from __future__ import annotations

@@ -2,6 +2,9 @@
 
 Nothing is unpickled. An array's size is checked in the file's table and the array's header before
 the array is expanded. Every mistake raises one located error.
+
+An npz file is a zip archive of NumPy arrays. Pickles, which may run code when they are read, are
+refused.
 """
 
 from __future__ import annotations

@@ -1,6 +1,8 @@
 """Quintic pieces: p(s) = c_0 + c_1 s + ... + c_5 s^5, s the time since the piece began.
 
 Arrays of coefficients have the powers, ascending, on the last axis: (..., 6).
+
+A quintic is a polynomial of degree 5; its coefficients are often called `coef`.
 """
 
 from __future__ import annotations

@@ -6,6 +6,8 @@
 :func:`step` factors a stage; :func:`gains` and :func:`stationary_gain` call it. Only the compiled
 recursion (``kernel/cpp/fantoccini/search/stage_riccati.hpp``) handles bounds of inputs and
 couplings between stages.
+
+z_k is the state at stage k and u_k the input; Q, R, S and P are weights.
 """
 
 from __future__ import annotations

@@ -6,6 +6,8 @@ R(t) = R_0 exp([phi(t)]x) turns with the angular velocity (in the turning frame)
   a = (1 - cos x)/x^2,  b = (x - sin x)/x^3,  x = |phi|.
 
 The coefficients lose digits near x = 0, where their series are used instead.
+
+A rotation vector is axis times angle, and [phi]x the matrix of the cross product with it.
 """
 
 from __future__ import annotations

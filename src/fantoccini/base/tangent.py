@@ -2,6 +2,9 @@
 
 A coordinate has a pair of indices (q, v) in a configuration and in a velocity; for a
 rotation, the first of its four and the first of its three.
+
+A tangent vector is a small or large move of a configuration, of the size of a velocity: an
+orientation, which has four numbers, moves by a rotation vector, which has three.
 """
 
 from __future__ import annotations

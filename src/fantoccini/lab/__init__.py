@@ -1,4 +1,9 @@
-"""Identification, parameter studies, and the check of the mixed model."""
+"""Identification, parameter studies, and the check of the mixed model.
+
+A record is measurements of a puppet in motion under known inputs; a sweep is one study applied to
+many cases. In the mixed model of the paper, some coordinates are dynamic and the others are driven
+inputs.
+"""
 
 from lazy_loader import attach_stub
 

@@ -5,6 +5,10 @@ energy then has the metric M = [M_DD, M_DK; M_DK^T, M_KK + J]. A force on driven
 accelerates along Y_i = M^-1 e_i; with taut rows A = [A_D A_K] along X_i = P Y_i, P the M-orthogonal
 projection on A v = 0. The section asks for M_DK = 0, M_DD(q_D), M_KK(q_K) and symmetric products
 <X_i, X_j> in span{X_k}. The mixed model needs less: that the drives can produce any acc_K.
+
+q_D are dynamic coordinates and q_K driven ones (ends and lengths of strings, driven joints). A row
+is a string or a limit with its gap; A_D and A_K are the derivatives of the gaps, and a row is taut
+if its gap is 0. A drive is a motor with a controller.
 """
 
 from __future__ import annotations

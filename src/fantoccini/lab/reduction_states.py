@@ -1,4 +1,8 @@
-"""The configurations and drives with which :mod:`fantoccini.lab.reduction` checks Sec. VI."""
+"""The configurations and drives with which :mod:`fantoccini.lab.reduction` checks Sec. VI.
+
+q_D are the dynamic coordinates and q_K the driven ones: ends and lengths of strings, driven joints.
+A row is a string with its gap (path length minus string length).
+"""
 
 from __future__ import annotations
 

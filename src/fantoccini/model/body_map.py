@@ -1,4 +1,7 @@
-"""Body map of a puppet: which bodies are trunk, head and limbs, and which strings move them."""
+"""Body map of a puppet: which bodies are trunk, head and limbs, and which strings move them.
+
+A limb is an arm, leg, wing, tail or neck; a twin is the mirror image of a body or string.
+"""
 
 from __future__ import annotations
 

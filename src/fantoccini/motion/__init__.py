@@ -1,4 +1,12 @@
-"""Motion as data: states, inputs, trajectories and events."""
+"""Motion as data: states, inputs, trajectories and events.
+
+q_D are the dynamic coordinates of a puppet, which move by the equations of motion, and q_K the
+driven ones, which inputs give as functions of time: ends of strings, lengths of strings, driven
+joints. v_D, v_K and acc_D, acc_K are their velocities and accelerations; n_qD, n_vD, n_qK and n_vK
+are the numbers of coordinates and velocities. An input consists of pieces, polynomials with
+coefficients `coef` that meet at the times `breaks`. Slip is the length that a winch has let out
+because the tension reached its largest one; `taut` marks the strings that pull.
+"""
 
 from fantoccini.motion import binding, joints, pieces, reading
 from fantoccini.motion.archive import RECORDING_FORMAT, RECORDING_FORMATS, mesh_files, restored

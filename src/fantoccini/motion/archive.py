@@ -1,4 +1,9 @@
-"""Trajectories on disk: npz files without pickle."""
+"""Trajectories on disk: npz files without pickle.
+
+q_D and q_K are the dynamic and driven coordinates, v and acc their velocities and accelerations. A
+driven coordinate of a drive, a motor with a controller, is its command. A row of the tree describes
+a string, limit, spring or drive, a row of the coordinate table one coordinate.
+"""
 
 from __future__ import annotations
 

@@ -1,6 +1,9 @@
 """Arrays of an input, checked and changed; :class:`Input` gives them names.
 
-breaks (n + 1,) [s], coef (n, n_vK, 6) and base (n, n_qK) of the motion, force (n, n_vD, 6).
+The motion of the driven coordinates q_K (ends and lengths of strings, driven joints) consists of n
+pieces, which meet at breaks (n + 1,) [s]. Their polynomials have the coefficients coef
+(n, n_vK, 6), relative to base (n, n_qK); force (n, n_vD, 6) has those of user forces. n_qK, n_vK
+and n_vD are the numbers of driven coordinates, driven velocities and dynamic velocities.
 """
 
 from __future__ import annotations

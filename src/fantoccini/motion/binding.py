@@ -1,6 +1,10 @@
 """Binds inputs to start states: unnamed coordinates hold the state's values.
 
 All arrays have a leading axis: one input for each trajectory.
+
+A lane is one of these inputs with its trajectory. q_K and v_K are driven coordinates and
+velocities, `breaks` the times at which the pieces of an input meet, and `coef` their coefficients.
+In names, D stands for dynamic coordinates, which move by the equations of motion.
 """
 
 from __future__ import annotations

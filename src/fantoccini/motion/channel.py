@@ -2,6 +2,9 @@
 
 A scalar channel is a piecewise quintic q(t). A rotation channel is a rotation vector phi(t) in the
 tangent space of a base quaternion: R(t) = R(base) exp([phi(t)]x).
+
+A driven coordinate is given as a function of time: an end or length of a string, or a driven joint.
+Breaks are the times at which pieces meet, and `coef` are the coefficients of a piece.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""Contact points of a run: forces and sliding over time."""
+"""Contact points of a run: forces and sliding over time.
+
+A contact is a point at which two solids touch; its gap is their distance there.
+"""
 
 from __future__ import annotations
 

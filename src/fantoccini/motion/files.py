@@ -1,4 +1,9 @@
-"""Inputs files: YAML waypoints, CSV or npz samples, recordings."""
+"""Inputs files: YAML waypoints, CSV or npz samples, recordings.
+
+Driven coordinates q_K are given by the inputs: ends and lengths of strings, driven joints; v_K and
+acc_K are their velocities and accelerations. A waypoint is a time and a value that an input passes
+through.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,10 @@
-"""Inputs: the motion q_K(t) of the driven coordinates, and the forces u_D(t) of Eq. 8."""
+"""Inputs: the motion q_K(t) of the driven coordinates, and the forces u_D(t) of Eq. 8.
+
+Driven coordinates are ends and lengths of strings and driven joints; v_K and acc_K are their
+velocities and accelerations. Breaks are the times at which the polynomials of the motion meet, and
+`coef` their coefficients. In names, D stands for dynamic coordinates, which move by the equations
+of motion.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""Derivatives of inputs with respect to the values of their waypoints, dq_K(t)/ds."""
+"""Derivatives of inputs with respect to the values of their waypoints, dq_K(t)/ds.
+
+s is the value of a waypoint, and q_K are the driven coordinates, ends and lengths of strings.
+Breaks are the times at which pieces of an input meet, `coef` their coefficients.
+"""
 
 from __future__ import annotations
 

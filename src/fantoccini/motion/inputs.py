@@ -1,4 +1,9 @@
-"""Inputs of a batch: one for each run."""
+"""Inputs of a batch: one for each run.
+
+A batch is many runs over the same time. q_K are the driven coordinates, ends and lengths of
+strings; breaks are the times at which pieces meet, and `coef` their coefficients. In names, D
+stands for dynamic coordinates, which move by the equations of motion.
+"""
 
 from __future__ import annotations
 

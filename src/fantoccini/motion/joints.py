@@ -1,8 +1,10 @@
-"""Joints of inputs: points at which an input begins at a state, follows another or ends at rest.
+"""Joints of inputs in time: where an input begins at a state, follows another or ends at rest.
 
-:class:`Tolerances` applies to all of them; lengths are compared with lengths, angles with angles.
-The piece next to the joint is changed to remove a small difference, so that the motion is C^1; a
-larger difference is an error. Rotations may differ in angular velocity only.
+The piece of the input next to the joint is changed to remove a small difference of position or
+velocity, so that the motion is C^1; a larger difference is an error. :class:`Tolerances` applies to
+all joints; a length is compared with lengths, and an angle with angles. At a joint, rotations may
+differ in angular velocity, but not in orientation. q_K are the driven coordinates, n_vK is the
+number of their velocities, and `coef` are the coefficients of n inputs between their `breaks`.
 """
 
 from __future__ import annotations
@@ -20,12 +22,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Tolerances:
-    """Largest differences at a joint; of two bounds for a quantity, the larger one applies."""
+    """Largest differences at a joint: the larger of the absolute and the relative bound."""
 
     speed: float = 1e-7
     """Velocity difference in any motion [m/s or rad/s]."""
     relative_speed: float = 1e-3
-    """Velocity difference, relative to the largest speed in the inputs: few digits in a file."""
+    """Velocity difference, relative to the largest speed in the inputs, as files round numbers."""
     position: float = 1e-9
     """Position difference, relative to 1 m or rad, or to the value if that is larger."""
     relative_position: float = 1e-6
@@ -52,10 +54,10 @@ def tolerances(table: CoordinateTable, breaks: Array, coef: Array) -> tuple[Arra
         coef: (n, n_seg, n_vK, 6) coefficients.
 
     Returns:
-        Tolerances of positions (relative to their start values) and velocities, (n, n_vK).
+        Largest changes of positions, from their start values, and of velocities, (n, n_vK).
     """
     s = np.diff(breaks)[..., None, None] * np.linspace(0.0, 1.0, TOLERANCES.speed_samples)
-    # Lengths without a value are NaN.
+    # Coefficients of lengths without a value are NaN.
     q, v, _ = polynomial.evaluate(np.nan_to_num(coef)[..., None, :], s)
     speed = np.max(np.abs(v), axis=(1, 3), initial=0.0)
     reach = np.max(q, axis=(1, 3)) - np.min(q, axis=(1, 3))
@@ -66,8 +68,8 @@ def tolerances(table: CoordinateTable, breaks: Array, coef: Array) -> tuple[Arra
         reach[:, v_slice], size[:, v_slice] = 0.0, 1.0
     units = {row.name: row.unit for row in table.rows}
     is_length = np.zeros(table.n_vK, dtype=bool)
-    for place, v_start in table.scalars_K:
-        is_length[v_start] = units[table.q_K[place]] == "m"
+    for q_start, v_start in table.scalars_K:
+        is_length[v_start] = units[table.q_K[q_start]] == "m"
     for same_unit in (is_length, ~is_length):
         for scale in (speed, reach):
             scale[:, same_unit] = np.max(scale[:, same_unit], axis=1, initial=0.0)[:, None]

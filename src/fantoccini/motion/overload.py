@@ -1,4 +1,9 @@
-"""Overloaded drives: lost steps and runaways, from the events of a run."""
+"""Overloaded drives: lost steps and runaways, from the events of a run.
+
+A drive is a motor with a controller. It loses steps if a stepper motor lags too far behind its
+command, and runs away if its load moves it far outside the range of its commands. q_D and q_K are
+the dynamic and driven coordinates.
+"""
 
 from __future__ import annotations
 

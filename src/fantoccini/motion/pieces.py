@@ -1,7 +1,9 @@
 """Pieces of all driven coordinates at once: coef (n, n_vK, 6) and base (n, n_qK).
 
-For a scalar, ``base`` is the polynomial's start value. The three entries of a rotation are its
-rotation vector: R = R(base) exp([phi]x).
+Driven coordinates q_K are ends and lengths of strings and driven joints, n_qK in number, with n_vK
+velocities. The n pieces meet at the times `breaks`, and `coef` are the coefficients of their
+polynomials. For a scalar, ``base`` is the polynomial's start value. The three entries of a rotation
+are its rotation vector: R = R(base) exp([phi]x).
 """
 
 from __future__ import annotations

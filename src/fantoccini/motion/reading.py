@@ -1,4 +1,9 @@
-"""Converts a user's numbers, lists and names to arrays, and collects every mistake."""
+"""Converts a user's numbers, lists and names to arrays, and collects every mistake.
+
+Driven coordinates are given by inputs: ends and lengths of strings, driven joints. A drive moves
+one by a motor; its command is then the input. In names, D stands for dynamic coordinates, which
+move by the equations of motion.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,9 @@
-"""States of a puppet, and events of a run."""
+"""States of a puppet, and events of a run.
+
+q_D are the dynamic coordinates and q_K the driven ones (ends and lengths of strings, driven
+joints), v_D and v_K their velocities. The active set consists of the taut strings and closed
+limits; slip is the length that a winch has let out.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,9 @@
-"""Trajectories: the results of many runs, lane first."""
+"""Trajectories: the results of many runs, lane first.
+
+A lane is here one of these runs. q_D and q_K are the dynamic and driven coordinates, v and acc
+their velocities and accelerations; the ledger is the table of energies and work. A taut string
+pulls, a slack one does not. At a catch, a slack string becomes taut, with an impulse.
+"""
 
 from __future__ import annotations
 

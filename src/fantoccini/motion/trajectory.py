@@ -1,4 +1,10 @@
-"""Trajectory: all results of a run over time. An impact is two samples at one time."""
+"""Trajectory: all results of a run over time. An impact is two samples at one time.
+
+q_D are the dynamic coordinates and q_K the driven ones, v and acc their velocities and
+accelerations. The ledger is the table of energies and work; slip is the length that a winch has let
+out. A taut string pulls, a slack one does not. A drive moves a coordinate by a motor towards its
+command. At a catch, a slack string becomes taut, with an impulse.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Pictures, films and reports; export of motions, import of models."""
+"""Pictures, films and reports; export of motions, import of models.
+
+A run is a simulated motion, and a solid a shape of a body or an obstacle, ready to be drawn.
+"""
 
 from lazy_loader import attach_stub
 

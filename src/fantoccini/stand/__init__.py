@@ -1,4 +1,12 @@
-"""Stands, the machines that move puppets: their check, set points, G-code and packets."""
+"""Stands, the machines that move puppets: their check, set points, G-code and packets.
+
+A stand is the machine that moves a puppet. An axis is a motor with its gear and its drum, belt or
+screw; its position p moves driven coordinates q_K of the puppet: ends and lengths of strings,
+driven joints. A set point is the position of every axis at one time. The controller is the
+electronics that take set points and turn the motors. A margin is the remaining part of a bound,
+such as the torque of a motor, and the travel of an axis the range of its positions. Slack is the
+length that drums let out and wind in again before the start.
+"""
 
 from fantoccini.stand.axes import Axis, AxisMap, AxisMotion, axes_of
 from fantoccini.stand.check import StandCheck, check_stand

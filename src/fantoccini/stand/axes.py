@@ -6,6 +6,11 @@ p are the positions of the axes, J the factors under `moves` in the file, f_K th
 driven coordinates (virtual work). J has full column rank, so that p follows from q_K. If axes are
 coupled, with more coordinates than axes, the residual q_K - zero - J p of a motion shows whether
 the stand can do it.
+
+A stand is the machine that moves a puppet, and an axis a motor with its gear and its drum, belt or
+screw. Driven coordinates q_K are ends and lengths of strings and driven joints, v_K and acc_K their
+velocities and accelerations. In names, D stands for dynamic coordinates, which move by the
+equations of motion.
 """
 
 from __future__ import annotations

@@ -1,4 +1,8 @@
-"""Check that the driven coordinates determine the positions of all axes: J has full column rank."""
+"""Check that the driven coordinates determine the positions of all axes: J has full column rank.
+
+An axis is a motor of the stand; J is the matrix of factors by which axes move driven coordinates,
+the ends and lengths of strings.
+"""
 
 from __future__ import annotations
 

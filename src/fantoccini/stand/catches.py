@@ -10,6 +10,11 @@ kinetic energy does not carry it past the maximum of its torque T sin(steps/4 an
 M:
 
     1/2 (P/n)^2 / (J_m + m_e / n^2) <= (4/steps) (2 T cos a - M (pi - 2 a)),   sin a = M / T
+
+P is the impulse on the axis, a motor of the stand; M_KD is the inertia between driven and dynamic
+coordinates, dv_D the jump of the dynamic velocities, Lambda the impulses of the strings, and A_K
+the derivatives of their lengths by the driven coordinates. n is the angle of the motor per unit of
+the axis, J_m its inertia.
 """
 
 from __future__ import annotations

@@ -9,6 +9,10 @@ that turns with it, and needs
 f_K = M_KD acc_D + M_KK acc_K + c_K - A_K^T lambda is the run's effort: strings, weight and inertia
 of driven bodies. e = 1 / efficiency where the motor drives its load, efficiency where the load
 drives it. The check assumes that winches follow exactly; a slipping one would change the motion.
+
+A stand is the machine that moves a puppet, and an axis a motor with its gear and its drum, belt or
+screw. The index K stands for driven coordinates (ends and lengths of strings), D for dynamic ones.
+At a catch, a slack string becomes taut, with an impulse.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""Controllers of stands: the kinds that receive set points, and their keys in a stand file."""
+"""Controllers of stands: the kinds that receive set points, and their keys in a stand file.
+
+A set point is the position of every axis at one time; an axis is a motor of the stand.
+"""
 
 from __future__ import annotations
 

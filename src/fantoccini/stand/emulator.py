@@ -8,6 +8,9 @@ moves (or a stop) and the corner between two moves allow:
 
 A move is executed when the planner is full or a line stops the machine. Simulated time passes in
 moves and dwells only. The code is independent of GRBL's.
+
+The planner is the buffer of accepted moves that wait for their execution. deviation is the allowed
+distance from a corner, a the acceleration, and d the length of a move.
 """
 
 from __future__ import annotations

@@ -2,6 +2,9 @@
 
 Positions are in mm, or in degrees for an axis that turns (A, B and C). As in GRBL, the path length
 of a move is the root of the sum of squares over all axes, with degrees counted as mm.
+
+A set point is the position of every axis, a motor of the stand, at one time. A dwell is a pause;
+the junction deviation is the distance by which a controller may cut a corner.
 """
 
 from __future__ import annotations

@@ -6,6 +6,9 @@ turns with it:
     torque = (F / n) e + J_m n pddot + viscous w + coulomb w / sqrt(w^2 + speed^2)
 
 e = 1 / efficiency where the motor drives its load, efficiency where the load drives it.
+
+An axis is a motor of the stand with its gear, at the position p and with the force F on its load; n
+is the angle of the motor per unit of p. A margin is the remaining part of a bound.
 """
 
 from __future__ import annotations

@@ -2,6 +2,9 @@
 
 With gear ratio g and a transmission with travel h per turn, the motor turns by n = 2 pi g / h
 radians per metre (or radian) of the axis.
+
+A transmission is the drum, belt or screw between a motor and the driven coordinate: the end or
+length of a string, or a joint.
 """
 
 from __future__ import annotations
@@ -92,7 +95,7 @@ class Stepper(Model):
         return self.steps * self.microsteps
 
     def max_torque(self, speed: Array, torque: Array) -> Array:
-        """(...) largest torque [N m] at speeds [rad/s] with the sign of torques [N m]."""
+        """(...) largest torques [N m] at speeds [rad/s], for torques with these signs."""
         return _torque_at(self.torque, speed)
 
 
@@ -109,7 +112,7 @@ class ServoMotor(Model):
     """Moment of inertia of the rotor [kg m^2]."""
 
     def max_torque(self, speed: Array, torque: Array) -> Array:
-        """(...) largest torque [N m] at speeds [rad/s] with the sign of torques [N m]."""
+        """(...) largest torques [N m] at speeds [rad/s], for torques with these signs."""
         return _torque_at(self.torque, speed)
 
 
@@ -132,7 +135,7 @@ class DCMotor(Model):
     """Moment of inertia of the rotor [kg m^2]."""
 
     def max_torque(self, speed: Array, torque: Array) -> Array:
-        """(...) largest torque [N m] at speeds [rad/s] with the sign of torques [N m]."""
+        """(...) largest torques [N m] at speeds [rad/s], for torques with these signs."""
         signed_speed = np.where(torque * speed >= 0.0, np.abs(speed), -np.abs(speed))
         current = (self.voltage - self.constant * signed_speed) / self.resistance
         return self.constant * np.clip(current, 0.0, self.current)

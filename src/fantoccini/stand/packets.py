@@ -4,6 +4,8 @@ OSC: a bundle, tagged with the time at which it is due, with one message for eve
 position [m or rad] as a 32-bit float. Art-Net: an ArtDmx packet; an axis with b bits has the value
 
     value = rint((2^b - 1) (p - low) / (high - low)),   the coarse channel before the fine one
+
+p is the position of an axis, a motor of the stand, and low and high are the ends of its travel.
 """
 
 from __future__ import annotations

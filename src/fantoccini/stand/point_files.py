@@ -1,4 +1,7 @@
-"""Files of set points: tables, ROS 2 trajectories and G-code."""
+"""Files of set points: tables, ROS 2 trajectories and G-code.
+
+A set point is the position of every axis, a motor of the stand, at one time.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""Set points: positions of a stand's axes over time, with the moves before and after the motion."""
+"""Set points: positions of a stand's axes over time, with the moves before and after the motion.
+
+An axis is a motor of the stand. Homing finds its position with a switch. Slack is the length that
+drums let out and wind in again before the start.
+"""
 
 from __future__ import annotations
 

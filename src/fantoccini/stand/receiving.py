@@ -1,4 +1,7 @@
-"""Emulated stand that receives packets over a network and moves its motors."""
+"""Emulated stand that receives packets over a network and moves its motors.
+
+A packet contains the position of every axis, a motor of the stand.
+"""
 
 from __future__ import annotations
 

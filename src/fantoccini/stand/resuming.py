@@ -2,9 +2,13 @@
 
 Controllers that continue together follow the path p(s) from rest, with ds/dt rising linearly to 1:
 
-    s = t + tau^2 / 2T for tau < T,   s = t + tau - T / 2 after it
+    s = t + tau^2 / 2T for tau < T,   s = t + tau - T / 2 afterwards
 
-with the same T for all axes, so that all controllers keep the same time.
+Here t is the time at which the path stopped, tau the time since the continuation began, and T the
+duration of the speed ramp, the same for all axes, so that all controllers keep the same time.
+
+An axis is a motor of the stand. A planner is the buffer of a controller for moves that it has
+acknowledged and not yet made.
 """
 
 from __future__ import annotations
@@ -30,9 +34,11 @@ _WORD = re.compile(r"([A-Z])(-?[\d.]+)")
 
 
 def first_lost_line(text: str, last: int, planner: int) -> int:
-    """Number of the first line that a reset may have lost, if ``last`` was acknowledged last.
+    """Number of the first line that a reset may have lost.
 
-    Acknowledged moves wait in the controller's planner; only a dwell guarantees that all were made.
+    ``last`` is the number of the last acknowledged line, ``planner`` the length of the buffer.
+
+    Acknowledged moves wait in that buffer; a dwell, or a line that is no move, waits for their end.
     """
     acknowledged = [line for line in gcode_lines(text) if line.number <= last]
     first = last
@@ -47,7 +53,8 @@ def resume_lines(text: str, first: int, feed: float = RETURN_FEED) -> list[Line]
     """The lines from number ``first`` on, after lines that restore the controller's state.
 
     The controller must still know its axes' positions. The modes are set again, and the axes move
-    slowly to the end of the previous line. Homing and set positions are not repeated.
+    slowly to the end point of the previous line. Lines that home axes or set positions are not
+    repeated.
 
     Args:
         text: text of the file.
@@ -81,7 +88,7 @@ def resume_lines(text: str, first: int, feed: float = RETURN_FEED) -> list[Line]
 
 
 def resume_points(points: SetPoints, t: float) -> SetPoints:
-    """The set points from time t on [s], from rest, without homing and slack.
+    """The set points from time t on [s], from rest, without homing and winding in of slack.
 
     Raises:
         StandError: t is not within the motion.

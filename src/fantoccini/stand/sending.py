@@ -3,6 +3,9 @@
 A controller that receives packets has no buffer, so the sender keeps the time: it follows the path
 p(s) with ds/dt = 1. A hold lowers ds/dt linearly to 0, and resuming raises it again, so the axes
 stay on their path: velocity p' ds/dt, acceleration p'' (ds/dt)^2 + p' d2s/dt2.
+
+A set point is the position p of every axis, a motor of the stand, at one time; s is the time on the
+path. A hold is a stop that can be resumed.
 """
 
 from __future__ import annotations

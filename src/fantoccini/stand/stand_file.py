@@ -1,4 +1,8 @@
-"""Stand files: the axes of a stand with their motors and coordinates, and the controllers."""
+"""Stand files: the axes of a stand with their motors and coordinates, and the controllers.
+
+A stand is the machine that moves a puppet, and an axis a motor with its gear and its drum, belt or
+screw. It moves driven coordinates: ends and lengths of strings, driven joints.
+"""
 
 from __future__ import annotations
 
@@ -127,7 +131,7 @@ class AxisFile(Model):
     gear: Size = 1.0
     """Turns of the motor per turn of the drum, pulley, screw or joint."""
     transmission: Transmission | None = None
-    """Drum, belt, screw or shaft that turns the motor's rotation into motion."""
+    """Drum, belt, screw or shaft that converts the motor's rotation to motion."""
     efficiency: Efficiency = 1.0
     """Efficiency of gear and transmission: output power, relative to the motor's."""
     mass: NotNegative = 0.0
@@ -164,7 +168,7 @@ class Stand(Document):
     zero: dict[Coordinate, Angle] = Field(default_factory=dict)
     """Driven coordinate -> its value when all axes are at 0; 0 by default."""
     elsewhere: tuple[Coordinate, ...] = ()
-    """Driven coordinates that something else moves: another stand, or a hand."""
+    """Driven coordinates that another stand or a hand moves."""
     controller: Controller | None = None
     """The controller that receives the set points."""
     controllers: dict[Name, ControllerPart] = Field(default_factory=dict)

@@ -7,6 +7,9 @@ back, with the inertia of the axis and of the whole puppet, as if this axis carr
 
 The lag is lost in multiples of four full steps; a lag below two is recovered. The demand is
 computed for winches that do not slip; a slipping winch is pulled with less force.
+
+J_m is the inertia of the motor, m the mass of the puppet, and n the angle of the motor per unit of
+the axis. The lag is the angle by which the motor is behind its command.
 """
 
 from __future__ import annotations

@@ -3,6 +3,9 @@
 The characters of unanswered lines never exceed the size of a controller's buffer. Several
 controllers begin their motions together, after the moves that precede these; then each runs by its
 own clock.
+
+A line is a line of G-code, which the controller acknowledges when it has accepted it. A hold is a
+stop that can be resumed.
 """
 
 from __future__ import annotations

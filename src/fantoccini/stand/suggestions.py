@@ -3,6 +3,9 @@
 They are computed for the run's motion. Each passes the whole check of its axis, because a smaller
 drum also needs more steps per second and changes the catches. Numbers are rounded to the safe side.
 Only a slower tempo changes the motion and is simulated again (:mod:`fantoccini.stand.tempo`).
+
+A stand is the machine that moves a puppet, an axis one of its motors with its gear, and a catch the
+impulse of a string that becomes taut.
 """
 
 from __future__ import annotations

@@ -1,4 +1,9 @@
-"""Runs at a slower tempo. They are simulated again, as the puppet swings differently then."""
+"""Runs at a slower tempo. They are simulated again, as the puppet swings differently then.
+
+q_K are the driven coordinates that the stand moves, the ends and lengths of strings, and v_K, acc_K
+their velocities and accelerations; v_D are the dynamic velocities. Breaks are the times at which
+the pieces of a motion meet, and `coef` their coefficients.
+"""
 
 from __future__ import annotations
 

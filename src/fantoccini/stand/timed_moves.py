@@ -7,6 +7,9 @@ from one speed to the next. A move of length d that begins at v0 and ends at v1 
 
 The speeds of all moves are computed together by an iteration. It converges if the acceleration of
 the motion is less than half of the controller's.
+
+A set point is the position of every axis, a motor of the stand, at one time. A junction is the
+corner between two moves, and a dwell a pause.
 """
 
 from __future__ import annotations

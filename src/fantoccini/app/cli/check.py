@@ -1,4 +1,9 @@
-"""``fantoccini check``: lists all mistakes in files, and warnings."""
+"""``fantoccini check``: lists all mistakes in files, and warnings.
+
+A stand is the machine that moves a puppet by its axes, the motors. q_K are the driven coordinates,
+ends and lengths of strings, which the inputs move. In names, D stands for dynamic coordinates,
+which move by the equations of motion.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,11 @@
-"""``fantoccini equations``: prints the equations of a small puppet as text or LaTeX."""
+"""``fantoccini equations``: prints the equations of a small puppet as text or LaTeX.
+
+T and V are kinetic and potential energy, M is the inertia matrix, C the matrix of velocity forces,
+g the forces of gravity and springs, h the gaps of strings (path length minus string length), and f
+the friction of motors. The index D stands for dynamic coordinates, K for driven ones; A are the
+derivatives of h. A drive moves a coordinate by a motor towards its command. A row of the tree
+describes a string, limit, spring or drive, a row of the coordinate table one coordinate.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""``fantoccini export``: writes a puppet's equations as C99, or a saved motion in other formats."""
+"""``fantoccini export``: writes a puppet's equations as C99, or a saved motion in other formats.
+
+C99 is a version of the language C. A marionette is a puppet with its compiled equations;
+`marionette.puppet` is the description in its file.
+"""
 
 from __future__ import annotations
 
@@ -61,7 +65,7 @@ def _export_motion(arguments: ExportArguments) -> None:
 
 
 def _export_c99(arguments: ExportArguments) -> None:
-    """Writes the C99 files; each appears only when complete."""
+    """Writes the C99 files; they are put in place when all are complete."""
     for option, value in (
         ("--fps", arguments.fps),
         ("--bodies", arguments.bodies),
@@ -86,7 +90,7 @@ def _export_c99(arguments: ExportArguments) -> None:
 
 
 def _check_folder(folder: Path, force: bool) -> None:
-    """Raises a usage error if the files cannot be written, or the folder has some already."""
+    """Raises a usage error if the files cannot be written, or the folder is not empty."""
     try:
         exists = folder.exists()
         has_files = folder.is_dir() and any(folder.iterdir())

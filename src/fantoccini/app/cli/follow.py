@@ -1,4 +1,8 @@
-"""``fantoccini follow``: makes a puppet follow captured motion."""
+"""``fantoccini follow``: makes a puppet follow captured motion.
+
+A clip is a captured motion. acc_K are the accelerations of the driven coordinates, the ends and
+lengths of strings.
+"""
 
 from __future__ import annotations
 

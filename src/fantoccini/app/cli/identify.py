@@ -1,4 +1,7 @@
-"""``fantoccini identify``: identifies numbers of a puppet from a record of its motion."""
+"""``fantoccini identify``: identifies numbers of a puppet from a record of its motion.
+
+A record is measurements of a puppet in motion under known inputs.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,9 @@
-"""``fantoccini info``: describes the parts of a puppet."""
+"""``fantoccini info``: describes the parts of a puppet.
+
+A row of the puppet is a string or a joint limit. Driven coordinates q_K are given as functions of
+time, dynamic ones q_D move by the equations of motion; a drive moves one by a motor, and a member
+is a puppet of a scene. A link is a body on its joint.
+"""
 
 from __future__ import annotations
 
@@ -43,12 +48,12 @@ def list_bundled() -> None:
 
     bundled = {"Bundled puppets": bundled_files.names(), "Bundled scenes": bundled_files.scenes()}
     for title, names in bundled.items():
-        lines = []
+        table_lines = []
         for name in names:
             puppet = load_marionette(name)
             coordinates = puppet.coordinates
-            lines.append((name, coordinates.n_vD, len(puppet.tree.strings), coordinates.n_vK))
-        print_table(title, ("name", "DOF>", "strings>", "driven>"), lines)
+            table_lines.append((name, coordinates.n_vD, len(puppet.tree.strings), coordinates.n_vK))
+        print_table(title, ("name", "DOF>", "strings>", "driven>"), table_lines)
     names_by_use = {
         "Plays, for `play` and `perform`": play_names(),
         "Performances, for `--inputs`": bundled_files.performances(),

@@ -1,4 +1,7 @@
-"""``fantoccini mapping``: writes a mapping file to fill in."""
+"""``fantoccini mapping``: writes a mapping file to fill in.
+
+A mapping says which joint of a captured skeleton is which part of a person.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""``fantoccini optimise``: finds the motion of a task with the smallest cost."""
+"""``fantoccini optimise``: finds the motion of a task with the smallest cost.
+
+A task is a file with a puppet, costs and bounds. acc_K are the accelerations of the driven
+coordinates, the ends and lengths of strings.
+"""
 
 from __future__ import annotations
 
@@ -110,7 +114,7 @@ def _save(path: Path, optimum: Optimum, display: ProgressDisplay) -> None:
 
 def _print_optimum(optimum: Optimum) -> None:
     shortest, longest = optimum.task.durations
-    lines: list[tuple[str, object]] = [
+    table_lines: list[tuple[str, object]] = [
         ("status", optimum.status.name.lower()),
         ("duration [s]", f"{optimum.duration:.4g}"),
         ("cost", optimum.cost),
@@ -120,11 +124,11 @@ def _print_optimum(optimum: Optimum) -> None:
         ("violation of bounds", f"{optimum.violation:.2g}"),
     ]
     if shortest < longest:
-        lines[1] = (f"duration [s], allowed {shortest:g} to {longest:g}", lines[1][1])
+        table_lines[1] = (f"duration [s], allowed {shortest:g} to {longest:g}", table_lines[1][1])
     if optimum.task.required_end is not None:
-        lines.append(("distance from its end", f"{optimum.end_gap:.2g}"))
-    lines += list(optimum.parameters.items())
-    print_table("Optimum", ("", ">"), lines)
+        table_lines.append(("distance from its end", f"{optimum.end_gap:.2g}"))
+    table_lines += list(optimum.parameters.items())
+    print_table("Optimum", ("", ">"), table_lines)
     print_table(
         "Distance from the paths (m, rad or their rates)",
         ("", "root mean square>", "largest>"),

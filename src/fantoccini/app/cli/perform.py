@@ -1,4 +1,7 @@
-"""``fantoccini perform``: performs a play live in the browser."""
+"""``fantoccini perform``: performs a play live in the browser.
+
+A cue is a line of the play: a verb with its player and time.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""``fantoccini plan``: finds inputs that reach the goal of a problem."""
+"""``fantoccini plan``: finds inputs that reach the goal of a problem.
+
+A problem is a puppet with its start, a goal, obstacles and bounds.
+"""
 
 from __future__ import annotations
 

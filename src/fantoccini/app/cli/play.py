@@ -1,4 +1,9 @@
-"""``fantoccini play``: compiles and verifies a play; writes its report, numbers and film."""
+"""``fantoccini play``: compiles and verifies a play; writes its report, numbers and film.
+
+A cue is a line of a play, a verb with its player and time; a mark is a named time of its gesture.
+In names, D stands for dynamic coordinates, which move by the equations of motion, and K for driven
+ones: ends and lengths of strings, driven joints.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""``fantoccini validate-reduction``: checks the claims of the paper's Sec. VI on a puppet."""
+"""``fantoccini validate-reduction``: checks the claims of the paper's Sec. VI on a puppet.
+
+The section asks whether driven coordinates (ends and lengths of strings), moved by motors, may be
+treated as inputs.
+"""
 
 from __future__ import annotations
 
@@ -19,6 +23,6 @@ def validate_file(file: str, quiet: bool) -> None:
         puppet = load_marionette(file, display.update)
         display.stage("examining the kinetic energy and taut strings")
         report = validate_reduction(puppet)
-    lines = [(claim.text, _VERDICTS[claim.holds], claim.evidence) for claim in report.claims]
-    print_table(f"Section VI for {report.name}", ("claim", "", "evidence"), lines)
+    table_lines = [(claim.text, _VERDICTS[claim.holds], claim.evidence) for claim in report.claims]
+    print_table(f"Section VI for {report.name}", ("claim", "", "evidence"), table_lines)
     print_output(report.conclusion)

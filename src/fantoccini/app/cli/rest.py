@@ -1,4 +1,9 @@
-"""``fantoccini rest``: the state in which a puppet hangs still."""
+"""``fantoccini rest``: the state in which a puppet hangs still.
+
+q_D are the dynamic coordinates of the puppet and q_K the driven ones, the ends and lengths of
+strings, which are fixed in this search. A slack string does not pull. A row of the tree describes a
+string, limit, spring or drive, a row of the coordinate table one coordinate.
+"""
 
 from __future__ import annotations
 
@@ -30,8 +35,9 @@ def describe_rest(file: str, start: list[str], out: Path | None, quiet: bool) ->
     """Prints lengths, tensions, coordinates and contact forces at rest, and draws the puppet.
 
     Args:
-        file: FILE argument.
-        start: NAME=VALUE settings, which fix driven coordinates and start the search.
+        file: puppet file, or name of a bundled puppet.
+        start: NAME=VALUE settings: fixed values of driven coordinates, and values of dynamic ones
+            from which the search begins.
         out: picture to write.
         quiet: print no progress.
     """
@@ -63,7 +69,7 @@ def describe_rest(file: str, start: list[str], out: Path | None, quiet: bool) ->
 
 def _print_strings(puppet: Marionette, x: State, run: Trajectory) -> None:
     lengths = puppet.string_lengths(x.q_D, x.q_K)
-    lines = []
+    table_lines = []
     for i, (name, points) in enumerate(puppet.string_points(x.q_D, x.q_K).items()):
         path_length = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
         slack = 1e3 * max(0.0, float(lengths[i]) - path_length)
@@ -71,13 +77,13 @@ def _print_strings(puppet: Marionette, x: State, run: Trajectory) -> None:
         state = "taut" if float(tension) > 0.0 else "straight, without tension"
         if not run.taut.values[0, i]:
             state = f"slack by {slack:.1f} mm"
-        lines.append((name, f"{lengths[i]:.6f}", tension, state))
-    print_table("Strings", ("name", "length [m]>", "tension [N]>", ""), lines)
+        table_lines.append((name, f"{lengths[i]:.6f}", tension, state))
+    print_table("Strings", ("name", "length [m]>", "tension [N]>", ""), table_lines)
 
 
 def _print_coordinates(puppet: Marionette, x: State) -> None:
     values = {"dynamic": x.q_D, "driven": x.q_K}
-    lines = []
+    table_lines = []
     for row in puppet.coordinates.rows:
         if row.index is not None:
             value = float(values[row.role][row.index])
@@ -86,18 +92,18 @@ def _print_coordinates(puppet: Marionette, x: State) -> None:
                 if row.unit in _DEGREES_PER_UNIT
                 else ""
             )
-            lines.append((row.name, row.role, f"{value:z.6f}", row.unit, degrees))
-    print_table("Coordinates", ("name", "role", "value>", "unit", ""), lines)
+            table_lines.append((row.name, row.role, f"{value:z.6f}", row.unit, degrees))
+    print_table("Coordinates", ("name", "role", "value>", "unit", ""), table_lines)
 
 
 def _print_contacts(run: Trajectory) -> None:
     if run.contact is None:
         return
     contact_points = run.contact
-    lines = []
+    table_lines = []
     for k, names in enumerate(contact_points.names):
         of_pair = (contact_points.sample == 0) & (contact_points.pair == k)
         if np.any(of_pair):
             force = np.linalg.norm(contact_points.force[of_pair].sum(axis=0))
-            lines.append((" on ".join(names), f"{force:.4f}", int(np.sum(of_pair))))
-    print_table("Contacts", ("pair", "force [N]>", "points>"), lines)
+            table_lines.append((" on ".join(names), f"{force:.4f}", int(np.sum(of_pair))))
+    print_table("Contacts", ("pair", "force [N]>", "points>"), table_lines)

@@ -1,4 +1,7 @@
-"""``fantoccini rig``: writes the body map of a puppet into its file, with a picture of it."""
+"""``fantoccini rig``: writes the body map of a puppet into its file, with a picture of it.
+
+A body map says which bodies and strings are trunk, head and limbs. A member is a puppet of a scene.
+"""
 
 from __future__ import annotations
 
@@ -71,10 +74,10 @@ def print_body_map(body_map: BodyMap, member: str = "") -> None:
         member: name of the puppet in its scene, for the title.
     """
     head = body_map.head
-    lines = [("trunk", body_map.trunk, "")]
+    table_lines = [("trunk", body_map.trunk, "")]
     if head is not None:
-        lines.append(("head", (head.body,), _point(head.end)))
-    lines += [(name, limb.bodies, _point(limb.end)) for name, limb in body_map.parts.items()]
+        table_lines.append(("head", (head.body,), _point(head.end)))
+    table_lines += [(name, limb.bodies, _point(limb.end)) for name, limb in body_map.parts.items()]
     print_table(
         f"Body map of {member}" if member else "Body map",
         ("part", "bodies", "end [m]", "strings", "doubt"),
@@ -86,7 +89,7 @@ def print_body_map(body_map: BodyMap, member: str = "") -> None:
                 ", ".join(body_map.strings_of(part)),
                 body_map.doubt(part),
             )
-            for part, bodies, end in lines
+            for part, bodies, end in table_lines
         ],
     )
     control = f"; its strings hang from {body_map.control}" if body_map.control else ""
@@ -94,7 +97,7 @@ def print_body_map(body_map: BodyMap, member: str = "") -> None:
         f"the puppet looks along {_point(body_map.facing)} in the frame of "
         f"{body_map.trunk[0]}{control}"
     )
-    printed_parts = {part for part, *_ in lines}
+    printed_parts = {part for part, *_ in table_lines}
     for doubt in body_map.doubts:
         if doubt.part not in printed_parts:
             print_output(f"{doubt.part}: {doubt.reason}")

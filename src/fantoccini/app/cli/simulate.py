@@ -1,4 +1,8 @@
-"""``fantoccini simulate``: simulates a puppet and writes numbers, pictures and films."""
+"""``fantoccini simulate``: simulates a puppet and writes numbers, pictures and films.
+
+A method of integration is event-driven, time-stepping or variational. A score times gestures; a cue
+is one of its lines.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,9 @@
-"""``fantoccini stand check``: checks whether a stand can do a run."""
+"""``fantoccini stand check``: checks whether a stand can do a run.
+
+A stand is the machine that moves a puppet. An axis is one of its motors with its gear; a margin is
+the remaining part of a bound, such as its torque. v_K are the velocities of driven coordinates,
+which axes move, and q_D the dynamic coordinates.
+"""
 
 from __future__ import annotations
 
@@ -45,7 +50,7 @@ def check_run(
     as_json: bool,
     quiet: bool,
 ) -> None:
-    """Checks a stand with a run, prints the margins, and exits with 1 if it cannot do the run."""
+    """Checks whether a stand can do a run, prints its margins, and exits with 1 if it cannot."""
     if report is not None:
         check_output(report, (".html",), "--report")
     loaded_stand = load_stand(stand)
@@ -96,11 +101,11 @@ def load_run(
 
 def _print_check(check: StandCheck, tempo: tuple[SlowedRun | None, str] | None) -> None:
     quantities = _checked_quantities(check)
-    lines = []
+    table_lines = []
     for axis in check.axes:
         cells = [check.margin_text(axis.name, q) for q in quantities]
-        lines.append((axis.name, axis.kind, *cells))
-    print_table("Margins [%]", ("axis", "motor", *(f"{q}>" for q in quantities)), lines)
+        table_lines.append((axis.name, axis.kind, *cells))
+    print_table("Margins [%]", ("axis", "motor", *(f"{q}>" for q in quantities)), table_lines)
     for limit in check.broken[:_MAX_LISTED_LIMITS]:
         print_output(f"from t = {limit.broken:.3f} s: {limit} (exceeded by {limit.excess_text})")
     if len(check.broken) > _MAX_LISTED_LIMITS:

@@ -1,4 +1,8 @@
-"""The commands of ``fantoccini stand`` with their arguments and help."""
+"""The commands of ``fantoccini stand`` with their arguments and help.
+
+A stand is the machine that moves a puppet. A set point is the position of all its motors at one
+time.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""Arguments of the commands that move stands."""
+"""Arguments of the commands that move stands.
+
+A stand is the machine that moves a puppet by its axes, the motors; slack is the length of string
+that drums let out and wind in again before the start.
+"""
 
 from __future__ import annotations
 

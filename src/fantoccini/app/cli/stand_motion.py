@@ -1,4 +1,9 @@
-"""``fantoccini stand export``, ``stream`` and ``emulate``: runs as motions of motors."""
+"""``fantoccini stand export``, ``stream`` and ``emulate``: runs as motions of motors.
+
+A stand is the machine that moves a puppet by its axes, the motors. A set point is the position of
+all axes at one time; slack is the length of string that drums let out and wind in again before the
+start.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""``fantoccini stand stream``: sends set points to a controller; Ctrl-C pauses."""
+"""``fantoccini stand stream``: sends set points to a controller; Ctrl-C pauses.
+
+A set point is the position of all axes, the motors of the stand, at one time.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""``fantoccini take``: describes or edits a recording."""
+"""``fantoccini take``: describes or edits a recording.
+
+A take is a recording of a performance for editing.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Shared code of the commands: arguments, files, messages and outputs."""
+"""Shared code of the commands: arguments, files, messages and outputs.
+
+Commands report a wrong option as a usage error, with the exit code 2.
+"""
 
 from lazy_loader import attach_stub
 

@@ -1,4 +1,7 @@
-"""Conversion of errors to messages and exit codes."""
+"""Conversion of errors to messages and exit codes.
+
+A mistake is an error in a file, with its line.
+"""
 
 from __future__ import annotations
 

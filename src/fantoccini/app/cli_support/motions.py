@@ -1,4 +1,8 @@
-"""Motions from the files of `--inputs`: inputs files, recordings and scores."""
+"""Motions from the files of `--inputs`: inputs files, recordings and scores.
+
+A score times gestures of a puppet; a cue is a line of it, a lane a list of cues in order, and a
+mark a named time of a gesture.
+"""
 
 from __future__ import annotations
 

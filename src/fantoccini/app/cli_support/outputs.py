@@ -1,4 +1,7 @@
-"""Output files of a run; the suffix selects the format. A file appears only when it is complete."""
+"""Output files of a run; the suffix selects the format. A file appears only when it is complete.
+
+A caption is text that a film shows during a time.
+"""
 
 from __future__ import annotations
 

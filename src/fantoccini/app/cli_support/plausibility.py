@@ -1,4 +1,9 @@
-"""Warnings about files that are valid but implausible."""
+"""Warnings about files that are valid but implausible.
+
+A waypoint is a time and a value that an input passes through. A member is a puppet of a scene. A
+marionette is a puppet with its compiled equations; `marionette.puppet` is the description in its
+file.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Recorded performances as ``--inputs``: the motion of the hands, the winches and the start."""
+"""Recorded performances as ``--inputs``: the motion of the hands, the winches and the start.
+
+q_D are the dynamic coordinates, and a winch changes the length of a string.
+"""
 
 from __future__ import annotations
 

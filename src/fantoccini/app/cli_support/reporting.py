@@ -1,4 +1,9 @@
-"""Summary of a run: events, slack, tensions, energy, speed."""
+"""Summary of a run: events, slack, tensions, energy, speed.
+
+A slack string does not pull. A drive moves a coordinate by a motor, the effort is the force of the
+hand on a driven coordinate, and the ledger is the table of energies and work. In names, D stands
+for dynamic coordinates, which move by the equations of motion.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""Start state of a run on the command line."""
+"""Start state of a run on the command line.
+
+q_D are the dynamic coordinates and q_K the driven ones, the ends and lengths of strings. The
+projection moves the puppet until no string is too short.
+"""
 
 from __future__ import annotations
 

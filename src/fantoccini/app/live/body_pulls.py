@@ -1,6 +1,8 @@
 """Forces of viewers on bodies: a rubber band between the body and the mouse.
 
 F = k (mouse - point),  |F| <= F_max
+
+k is the stiffness of the rubber band, F_max its largest force.
 """
 
 from __future__ import annotations

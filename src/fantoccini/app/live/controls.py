@@ -1,4 +1,7 @@
-"""Controls of a live page: a bead for every handle, rings for handles that turn, sliders."""
+"""Controls of a live page: a bead for every handle, rings for handles that turn, sliders.
+
+A handle is a driven string end, or a body on a driven joint, that a hand can hold.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""Motion of a handle in the world for a motion of the mouse in the picture."""
+"""Motion of a handle in the world for a motion of the mouse in the picture.
+
+A handle is a driven string end, or a body on a driven joint, that a hand can hold; it moves along
+the axes of its joint.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Player of gestures for buttons and keys, with a beat."""
+"""Player of gestures for buttons and keys, with a beat.
+
+A gesture is a short motion of strings, relative to their position.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""The viewer that holds the strings, one at a time, and the line that shows it."""
+"""The viewer that holds the strings, one at a time, and the line that shows it.
+
+Viewers are the browsers that show the page.
+"""
 
 from __future__ import annotations
 

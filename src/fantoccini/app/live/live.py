@@ -1,4 +1,8 @@
-"""Page with a live puppet whose strings every viewer can move."""
+"""Page with a live puppet whose strings every viewer can move.
+
+A handle is a driven string end, or a body on a driven joint, that a viewer can drag. q_D and q_K
+are the dynamic and driven coordinates.
+"""
 
 from __future__ import annotations
 

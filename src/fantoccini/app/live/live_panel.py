@@ -1,4 +1,7 @@
-"""Panel of a live page: buttons, sliders, numbers, and errors in the puppet file."""
+"""Panel of a live page: buttons, sliders, numbers, and errors in the puppet file.
+
+A handle is a driven string end, or a body on a driven joint, and a take a recording for editing.
+"""
 
 from __future__ import annotations
 

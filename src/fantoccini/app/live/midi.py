@@ -2,6 +2,8 @@
 
 A script on the page listens to the browser's MIDI inputs and sends GO to a websocket of the same
 server, which accepts connections from its own page only.
+
+GO is the command that starts the next cue, a line of the play or score.
 """
 
 from __future__ import annotations

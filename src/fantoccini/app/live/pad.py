@@ -2,6 +2,8 @@
 
 viser does not support gamepads. A script on the page reads them thirty times a second and sends
 their state to a websocket of the same server, which accepts connections from its own page only.
+
+An axis is here a direction of a stick, with a number from -1 to 1.
 """
 
 from __future__ import annotations

@@ -1,4 +1,9 @@
-"""Tabs of a live page's panel for gestures and takes."""
+"""Tabs of a live page's panel for gestures and takes.
+
+A gesture is a short motion of strings, a take a recording for editing, and an overdub a recording
+of some strings while a take moves the others. A lane is here a string or joint that moves in a
+take.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Tab of a live page's panel for directing a play."""
+"""Tab of a live page's panel for directing a play.
+
+A cue is a line of the play: a verb with its player and time. GO starts the next one.
+"""
 
 from __future__ import annotations
 

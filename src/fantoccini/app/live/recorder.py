@@ -1,4 +1,7 @@
-"""Recordings of a live performance, each written to its own file."""
+"""Recordings of a live performance, each written to its own file.
+
+A recording has everything that repeats a performance to the last bit.
+"""
 
 from __future__ import annotations
 

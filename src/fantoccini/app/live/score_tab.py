@@ -1,4 +1,8 @@
-"""Tab of a live page's panel for playing a score."""
+"""Tab of a live page's panel for playing a score.
+
+A score times gestures in lanes, whose offsets add up; a cue is one of its lines, and a mark a named
+time. GO ends a wait.
+"""
 
 from __future__ import annotations
 

@@ -3,6 +3,8 @@
 A script on the page receives the time of the beat and the score from a websocket of the same
 server, and plays by the clock of the browser's sound. Browsers stay silent until a viewer clicks
 on the page or presses a key.
+
+A beat is the unit of time of scores.
 """
 
 from __future__ import annotations

@@ -1,4 +1,8 @@
-"""Performance on a live page: gestures, takes, a score, the beat, and their sound."""
+"""Performance on a live page: gestures, takes, a score, the beat, and their sound.
+
+A gesture is a short motion of strings, a score a list of them in time, and a take a recording for
+editing.
+"""
 
 from __future__ import annotations
 

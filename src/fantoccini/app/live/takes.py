@@ -1,4 +1,8 @@
-"""Takes of a live performance: editing, playing, saving, and conversion to gestures and films."""
+"""Takes of a live performance: editing, playing, saving, and conversion to gestures and films.
+
+A take is a recording of a performance for editing. In names, K stands for driven coordinates: ends
+and lengths of strings, driven joints.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""File of a puppet or a score that is loaded again whenever it changes."""
+"""File of a puppet or a score that is loaded again whenever it changes.
+
+A score times gestures of a puppet.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Drawing and replay on browser pages; ``live`` has the pages with a live puppet."""
+"""Drawing and replay on browser pages; ``live`` has the pages with a live puppet.
+
+A node is an object of the page that viser draws, such as a body or a string.
+"""
 
 from lazy_loader import attach_stub
 

@@ -1,4 +1,7 @@
-"""Export of a motion as one file that any browser plays from disk, without a network."""
+"""Export of a motion as one file that any browser plays from disk, without a network.
+
+A taut string pulls; a slack one hangs in a curve.
+"""
 
 from __future__ import annotations
 

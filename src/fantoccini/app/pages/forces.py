@@ -1,4 +1,7 @@
-"""Forces of contacts on a page: arrows at the contact points."""
+"""Forces of contacts on a page: arrows at the contact points.
+
+A contact is a point at which two solids touch.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Heights of the names of handles, chosen so that they do not overlap."""
+"""Heights of the names of handles, chosen so that they do not overlap.
+
+A handle is a driven string end, or a body on a driven joint, that a hand can hold.
+"""
 
 from __future__ import annotations
 

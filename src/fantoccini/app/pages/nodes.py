@@ -1,4 +1,8 @@
-"""Nodes of a geometry on a page: built once, then moved for every state of the scene."""
+"""Nodes of a geometry on a page: built once, then moved for every state of the scene.
+
+A geometry contains the shapes, strings and marks of a scene; a node is an object that viser draws.
+A link is a body on its joint. A solid is a shape of a body or an obstacle.
+"""
 
 from __future__ import annotations
 

@@ -1,7 +1,9 @@
 """Side panel: numbers, plots, and the buttons that all pages have.
 
-Texts from puppet files become HTML only through elements, which escape them. They are never used as
-markdown, because a page would run code in it.
+Texts from puppet files become HTML only through elements, which escape them. They are never passed
+to the page as markdown, in which a browser would run code.
+
+A taut string pulls, a slack one does not; a wire also pushes.
 """
 
 from __future__ import annotations
@@ -71,7 +73,7 @@ class Views:
         shadows_box, forces_box: checkboxes for shadows and for contact forces.
 
     Args:
-        gui: controls of the server.
+        gui: panel of the server, to which controls are added.
         nodes: returns the current nodes.
         has_contact: returns whether the puppet has contacts.
     """
@@ -114,10 +116,10 @@ class Plot:
     """Plot of lines against time, with a mark at the current time.
 
     Args:
-        gui: controls of the server.
+        gui: panel of the server, to which controls are added.
         names: names of the lines, as plain text.
         theme: colours.
-        label: unit of the values.
+        label: unit of the values, as a label of their axis.
         time_range: first and last time [s].
         value_range: lower and upper end of the values.
         mark: whether to mark the current time.

@@ -1,4 +1,7 @@
-"""Search tree of a plan on a page: nodes as dots, the path as a line."""
+"""Search tree of a plan on a page: nodes as dots, the path as a line.
+
+A node of the tree is a state that the search has reached.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""Page that replays a motion, with a timeline, tensions and energies."""
+"""Page that replays a motion, with a timeline, tensions and energies.
+
+An event is a change of the run, such as a catch, at which a slack string becomes taut; the slip is
+the length that a winch has let out, and the ledger the table of energies and work.
+"""
 
 from __future__ import annotations
 

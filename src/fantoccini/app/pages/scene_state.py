@@ -1,4 +1,8 @@
-"""State of the drawn scene at one time: poses, strings and forces."""
+"""State of the drawn scene at one time: poses, strings and forces.
+
+q_D and q_K are the dynamic and driven coordinates. A taut string pulls, and slip is the length that
+a winch has let out.
+"""
 
 from __future__ import annotations
 

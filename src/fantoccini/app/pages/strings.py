@@ -2,6 +2,9 @@
 
 Each span of a taut string is a node with a fixed line, which is moved like a body. The curve of a
 slack string is sent again whenever it changes, relative to the string's first point.
+
+A span is the part of a string between two points of its path. A wire is a string that also pushes;
+a chain consists of point masses and springs.
 """
 
 from __future__ import annotations

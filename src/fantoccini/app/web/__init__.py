@@ -1,4 +1,7 @@
-"""``show``: opens a puppet, a motion or a plan in the browser; imports viser when first called."""
+"""``show``: opens a puppet, a motion or a plan in the browser; imports viser when first called.
+
+A plan is a motion to a goal among obstacles, with its search tree.
+"""
 
 from lazy_loader import attach_stub
 

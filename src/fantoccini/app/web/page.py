@@ -1,4 +1,8 @@
-"""Browser pages, and the puppets, motions and plans that they show."""
+"""Browser pages, and the puppets, motions and plans that they show.
+
+A subject is the puppet, motion or plan that a page shows; a live puppet follows the hands of
+viewers, a motion is replayed.
+"""
 
 from __future__ import annotations
 

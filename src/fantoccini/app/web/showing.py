@@ -2,6 +2,8 @@
 
 ``show`` opens a page on this machine. A puppet is live there, and every viewer can move its
 strings; a motion or a plan is replayed, or written as one file that plays from disk.
+
+A live puppet is simulated while it is shown, and its strings follow the hands of the viewers.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""YAML documents: text to validated models, and the line of every mistake."""
+"""YAML documents: text to validated models, and the line of every mistake.
+
+A mistake is an error in a file, with its line; a finding is a mistake before its line is known.
+"""
 
 from fantoccini.base.documents.document import (
     KEYS,

@@ -2,6 +2,8 @@
 
 Every mistake reads ``file:line: key.path: what was found, what is allowed, nearest valid name``,
 and all mistakes of a file are collected before an error is raised.
+
+Plain data are dicts, lists, numbers and texts; a model is a class of pydantic.
 """
 
 from __future__ import annotations

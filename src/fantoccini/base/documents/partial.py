@@ -1,4 +1,7 @@
-"""The valid parts of invalid data: checks run on these, so one reading reports all mistakes."""
+"""The valid parts of invalid data: checks run on these, so one reading reports all mistakes.
+
+`UNCLEAR` stands for an invalid value, about which checks report nothing.
+"""
 
 from __future__ import annotations
 

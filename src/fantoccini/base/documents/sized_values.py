@@ -1,4 +1,8 @@
-"""Bounded values for files of motions and plays: magnitudes of at most 1e6."""
+"""Bounded values for files of motions and plays: magnitudes of at most 1e6.
+
+`Sized` is a number, `Size` a positive number, `Place` a position and `Length` a length with or
+without its unit; `SIZED` is the check of the magnitude.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,10 @@
-"""Optimal motions: optimise, and its short form for paths, follow."""
+"""Optimal motions: optimise, and its short form for paths, follow.
+
+acc_K are the accelerations of the driven coordinates, the ends and lengths of strings, constant
+between successive nodes. A slack string does not pull, and a winch slips if it lets out length at
+its largest tension. In names, D stands for dynamic coordinates, which move by the equations of
+motion.
+"""
 
 from __future__ import annotations
 

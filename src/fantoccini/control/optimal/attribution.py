@@ -1,4 +1,10 @@
-"""Attribution of the largest residual of a motion: bound, coordinate and time, in words."""
+"""Attribution of the largest residual of a motion: bound, coordinate and time, in words.
+
+A residual is the error by which a motion misses its end, violates a bound, or is not yet optimal. A
+node is a time at which the inputs may change. In names, D stands for dynamic coordinates, which
+move by the equations of motion, and K for driven ones: ends and lengths of strings, driven joints.
+A row is a condition on a number of the motion, such as a tension.
+"""
 
 from __future__ import annotations
 

@@ -5,6 +5,11 @@
 
 The compiled method is ``search/stage_clamped.hpp``. Its motions keep the bounds after every
 factorisation, so that it can end after any of them.
+
+u are the accelerations acc_K of the driven coordinates, the ends and lengths of strings; n_vK is
+the number of driven velocities. In names, D stands for dynamic coordinates, which move by the
+equations of motion. A node is a time at which the inputs may change, with its state; an interval
+leads to the next node.
 """
 
 from __future__ import annotations

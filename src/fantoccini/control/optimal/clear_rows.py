@@ -1,6 +1,10 @@
 """Rows that keep bodies and strings clear of obstacles, of other puppets and of one another.
 
-d_i(q_{i+1}) >= margin, with one row for every body and string
+d_j(q_{i+1}) >= margin, with one row for every body and string
+
+A row is a condition on a number of the motion. d_j is the distance of body or string j, and q_{i+1}
+the configuration at the end of an interval; q_D are its dynamic coordinates, q_K its driven ones. A
+node is a time at which the inputs may change, with its state; an interval leads to the next node.
 """
 
 from __future__ import annotations

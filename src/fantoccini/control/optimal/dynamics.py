@@ -6,6 +6,12 @@ An interval consists of time steps; all intervals are computed at once, in lanes
 and B are products of the steps' derivatives:
 
     X <- F_D X + F_K K + F_a,   K <- A_K K + B_K
+
+F is the map of the simulator, and F_D, F_K and F_a are its derivatives; D stands for the dynamic
+part of the state and K for the driven one, and acc_i are the driven accelerations in interval i.
+Lanes are runs that the vector unit of the processor advances together. A taut string pulls, a slack
+one does not. A node is a time at which the inputs may change, with its state; an interval leads to
+the next node.
 """
 
 from __future__ import annotations

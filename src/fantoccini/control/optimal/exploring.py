@@ -9,6 +9,11 @@ The mean of this merit over many orders of slack and catch is a smooth function 
 whereas the cost of a single motion has kinks. As the spread falls and the price rises, the
 distribution narrows to one motion and its order of events. All motions of a generation are
 event-driven runs of a compiled batch.
+
+The gap is the error at the end of the motion. A slack string does not pull; at a catch it becomes
+taut again. The inputs are the accelerations acc_K of the driven coordinates q_K. In names, D stands
+for dynamic coordinates, which move by the equations of motion. A node is a time at which the inputs
+may change, with its state; an interval leads to the next node.
 """
 
 from __future__ import annotations

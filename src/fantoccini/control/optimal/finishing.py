@@ -1,4 +1,7 @@
-"""Searches in sequence: with time steps, with exact derivatives, with event-driven runs."""
+"""Searches in sequence: with time steps, with exact derivatives, with event-driven runs.
+
+The inputs are the accelerations of the driven coordinates, constant between successive nodes.
+"""
 
 from __future__ import annotations
 

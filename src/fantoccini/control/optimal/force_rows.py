@@ -5,6 +5,10 @@
 The accelerations acc_D and the tensions depend on the state and the inputs, too:
 
     df_K = f_K(x + dx, acc_K + du, acc_D + acc (dx, du), tension + pull (dx, du)) - f_K
+
+A row is a condition on a number of the motion. D stands for dynamic and K for driven coordinates; M
+is the inertia matrix, c the bias (Coriolis forces, gravity), A_K the derivative of string lengths
+by driven coordinates, and lambda minus the tension. u = acc_K are the inputs.
 """
 
 from __future__ import annotations

@@ -5,6 +5,11 @@
 Between events the variational equation holds. At a catch z jumps by the saltation matrix, which
 eliminates the time of the event by its guard h = 0
 (:mod:`fantoccini.dynamics.simulation.intervals`).
+
+At a release, a string loses its tension and goes slack; at a catch it becomes taut again, with an
+impulse. h is the gap of a string, its path length minus its own. dq_D and dq_K are changes of
+dynamic and driven coordinates; u_i are the driven accelerations acc_K in interval i. A node is a
+time at which the inputs may change, with its state; an interval leads to the next node.
 """
 
 from __future__ import annotations

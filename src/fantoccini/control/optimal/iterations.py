@@ -9,6 +9,8 @@ lengths of a line search at once.
 No acceptance rule serves all: with a merit function, :mod:`.sqp` does not solve the bundled task
 ``crane`` in 100 iterations; with the filter it needs 20. With a filter, :mod:`.trust_region` stops
 at ``swing_up`` without a solution.
+
+A stage is an interval of the motion with its inputs u and the state z at its end.
 """
 
 from __future__ import annotations

@@ -1,6 +1,8 @@
 """Moments at which a motion is nearest to places, each in its window and some in order.
 
 min over t_1 <= t_2 <= ... of sum_k |off_k(t_k)|^2,   low_k <= t_k <= high_k
+
+A touch is a point of a body that should pass a place; off_k(t) is the vector between them.
 """
 
 from __future__ import annotations

@@ -9,6 +9,11 @@ only on the state and the commands' accelerations. As accelerations jump at node
 two rows,
 
     just after node i:  r(z_i, acc_i),   just before node i + 1:  r(z_{i+1}, acc_i)
+
+A row is a condition on a number of the motion. R is the resistance, k the motor constant, n the
+gear ratio and i the current of a motor. A drive moves a driven coordinate by such a motor towards
+its command; acc_i are the accelerations of commands and driven coordinates in interval i. In names,
+D stands for dynamic coordinates, which move by the equations of motion.
 """
 
 from __future__ import annotations

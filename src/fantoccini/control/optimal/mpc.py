@@ -5,6 +5,12 @@
 An update makes one step of sequential quadratic programming from the inputs of the last update (the
 real-time iteration of Diehl, Bock and Schloeder, SIAM J. Control Optim. 43, 2005): predict,
 linearise along the prediction, solve one program of stages, predict again along the step.
+
+acc_K are the accelerations of the driven coordinates, the ends and lengths of strings, and n_vK is
+their number. F is the map of the simulator over one interval. A marionette is a puppet with its
+compiled equations; `marionette.puppet` is the description in its file. In names, D stands for
+dynamic coordinates, which move by the equations of motion. A winch changes the length of a string.
+A node is a time at which the inputs may change, with its state; an interval leads to the next node.
 """
 
 from __future__ import annotations

@@ -1,4 +1,8 @@
-"""Multi-start search: random explorations, each refined to a local optimum."""
+"""Multi-start search: random explorations, each refined to a local optimum.
+
+An exploration is a search with random motions, through slack and taut strings. A node is a time at
+which the inputs may change, with its state; an interval leads to the next node.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The cost of a motion at its nodes, and the stage program of a step."""
+"""Cost of a motion at its nodes, its gap (the error at its end), and the program of a step."""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""A check, before a long search, for targets of a task that no hanging pose reaches."""
+"""A check, before a long search, for targets of a task that no hanging pose reaches.
+
+In a hanging pose, a puppet is at rest for given ends and lengths of its strings. A touch is a point
+of a body that should pass a place.
+"""
 
 from __future__ import annotations
 

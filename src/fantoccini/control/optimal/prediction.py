@@ -1,6 +1,11 @@
 """Rollouts of several driven motions from one state, computed in lanes (SIMD).
 
 x_{i+1} = F(x_i, acc_i),   x_0 given
+
+acc_i are the accelerations acc_K of the driven coordinates in interval i, and F the map of the
+simulator. Lanes are runs that the vector unit of the processor advances together. In names, D
+stands for dynamic coordinates, which move by the equations of motion. A node is a time at which the
+inputs may change, with its state; an interval leads to the next node.
 """
 
 from __future__ import annotations

@@ -5,6 +5,10 @@
     low <= C_i [u_{i-1}; z_i; u_i; z_{i+1}] + elastic <= high
 
 The compiled method is ``cpp/fantoccini/search/stage_program.hpp``.
+
+u_i are the inputs of stage i and z_{i+1} the state at its end. A row is a line of C_i with its two
+bounds; it is elastic, that is, it may be violated at a price. The gap of the solver is its duality
+gap.
 """
 
 from __future__ import annotations

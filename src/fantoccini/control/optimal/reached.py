@@ -1,4 +1,8 @@
-"""The hanging poses that a search found, with descriptions of the bounds that limit them."""
+"""The hanging poses that a search found, with descriptions of the bounds that limit them.
+
+In a hanging pose, a puppet is at rest for given driven coordinates q_K: ends and lengths of its
+strings. q_D are its dynamic coordinates. A taut string pulls, a slack one does not.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,10 @@
-"""reach: the hanging poses nearest to places, and the bounds that limit them."""
+"""reach: the hanging poses nearest to places, and the bounds that limit them.
+
+In a hanging pose, a puppet is at rest for given driven coordinates q_K: ends and lengths of its
+strings. A row is a string or a joint limit with its condition h <= 0; it is taut if h = 0, and
+slack otherwise. In names, D stands for dynamic coordinates, which move by the equations of motion.
+A winch changes the length of a string.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,9 @@
-"""The result of an optimisation."""
+"""The result of an optimisation.
+
+An event-driven run locates the times at which strings become slack or taut. acc_K are the
+accelerations of the driven coordinates, the ends and lengths of strings. A node is a time at which
+the inputs may change, with its state; an interval leads to the next node.
+"""
 
 from __future__ import annotations
 

@@ -1,6 +1,11 @@
 """Rows of a motion: bounds that may be violated at a price.
 
 low <= r_i(u_{i-1}, z_i, u_i, z_{i+1}) <= high
+
+u_i are the driven accelerations in interval i, z_i and z_{i+1} the changes of the states at its
+ends. A row is here a number r of the motion with its bounds, such as a tension. In names, D stands
+for dynamic coordinates, which move by the equations of motion. A node is a time at which the inputs
+may change, with its state; an interval leads to the next node.
 """
 
 from __future__ import annotations

@@ -1,4 +1,9 @@
-"""Simulations of motions: as one event-driven run, or as one run of time steps."""
+"""Simulations of motions: as one event-driven run, or as one run of time steps.
+
+An event-driven run locates the times at which strings become slack or taut; time steps have a fixed
+length. v_D and v_K are the dynamic and the driven velocities. A node is a time at which the inputs
+may change, with its state; an interval leads to the next node.
+"""
 
 from __future__ import annotations
 

@@ -8,6 +8,9 @@ Every iteration differentiates all intervals and residuals, solves a program of 
 The gap consists of x_N - end and the offsets of touching points from their places. The filter
 (Waechter and Biegler, Math. Program. 106, 2006) requires that theta or phi is smaller than in all
 earlier iterations in which theta was reduced.
+
+e are the errors by which the states at nodes miss the ends of the intervals before them, and J is
+the cost. A row is a condition on a number of the motion, such as a tension.
 """
 
 from __future__ import annotations

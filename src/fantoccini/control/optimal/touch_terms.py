@@ -22,6 +22,8 @@ Distances are those of the simulated run. For the derivatives, coordinates betwe
 in time, through the positions and velocities there. With z_i the state before a moment,
 
     r + J_0 z_i + J_1 z_{i+1} = r + J_1 e_i + (J_0 + J_1 A_i) z_i + J_1 B_i u_i
+
+A node is a time at which the inputs may change. q_D are the dynamic and q_K the driven coordinates.
 """
 
 from __future__ import annotations

@@ -9,6 +9,10 @@ the same program is solved again with
     z_N = z_N + end - x_N(run),
 
 so that larger steps keep near the curved set of motions that meet the end.
+
+J is the cost, du_j the change of input j, and x_N the last state. A row is a condition on a number
+of the motion, and the gap its error at the end. A node is a time at which the inputs may change,
+with its state; an interval leads to the next node.
 """
 
 from __future__ import annotations
@@ -90,7 +94,7 @@ class _Step:
 
 
 class TrustRegionSearch:
-    """A search that improves a motion in which strings come slack and taut.
+    """A search that improves a motion in which strings go slack and become taut.
 
     Args:
         start: first motion.

@@ -5,6 +5,8 @@
 This is for motions without derivatives, such as steps of a walk, whose landings change the order of
 many events. Many runs are simulated at once, and mean and covariance C move towards the best of
 them: CMA-ES (Hansen, The CMA Evolution Strategy: A Tutorial, arXiv 1604.00772), from `pycma`.
+
+A family is a function from a few numbers theta to a motion of the driven coordinates.
 """
 
 from __future__ import annotations

@@ -1,4 +1,11 @@
-"""Planning: inputs that take a puppet to a goal among obstacles."""
+"""Planning: inputs that take a puppet to a goal among obstacles.
+
+A segment is a piece of a plan with constant accelerations acc_K of the driven coordinates: ends and
+lengths of strings, and driven joints. A node is a state at the end of a segment, in the search
+tree. q_D are the dynamic coordinates and q_K the driven ones, v_D and v_K their velocities, and
+n_vK is the number of driven velocities. A rollout is a simulation of inputs. A check is an instant
+of a rollout at which clearances and bounds are evaluated.
+"""
 
 from fantoccini.control.planning.api import plan, solve
 from fantoccini.control.planning.check import Check

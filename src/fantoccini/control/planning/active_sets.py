@@ -11,6 +11,11 @@ Rijnen, Saccon and Nijmeijer)::
 
 where F is the derivative under the old active set, and A_k-1 the derivative through the event. S
 predicts the deviation from the plan after the puppet's own event: the saltation, taken to the node.
+
+A segment is a piece of the plan with constant driven accelerations acc_K, and a node the state
+between two segments. q_D are dynamic and q_K driven coordinates. A and B are derivatives of a
+segment's end with respect to its start and its acc_K; K are gains of the feedback. Slip is the
+length of string that a winch lets out at its largest tension.
 """
 
 from __future__ import annotations

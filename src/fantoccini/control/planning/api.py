@@ -1,4 +1,7 @@
-"""Motion planning: inputs that take a puppet to a goal, clear of obstacles (Sec. VII)."""
+"""Motion planning: inputs that take a puppet to a goal, clear of obstacles (Sec. VII).
+
+A driven coordinate is the end or length of a string, or a driven joint; the inputs move it.
+"""
 
 from __future__ import annotations
 

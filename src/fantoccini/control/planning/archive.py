@@ -1,4 +1,7 @@
-"""Plan files: npz without pickle. With its problem, a search can be continued."""
+"""Plan files: npz without pickle. From a file and its problem, the search can be continued.
+
+The search tree has the states that were reached as nodes, with the pieces of motion between them.
+"""
 
 from __future__ import annotations
 
@@ -19,16 +22,16 @@ from fantoccini.control.tasks import Objective
 FORMAT = "fantoccini.plan.4"
 
 _KEYS = {"n_checks": "looks"}
-"""Array of a tree -> its key in files, where they differ."""
+"""Array of a search tree -> its key in files, where the two names differ."""
 
 
 def save(path: str | Path, search: Search, record: SearchRecord, status: str) -> None:
     """Writes a plan with its search tree.
 
     Args:
-        path: path of the file, which appears whole or not at all.
+        path: path of the file, which is put in place when it is complete.
         search: search that found the plan.
-        record: record of the search, with the plan as the best.
+        record: results of the search, with the plan as the best one.
         status: status of the plan, for readers of the file.
     """
     problem = search.problem
@@ -62,7 +65,7 @@ def load(path: str | Path, problem: Problem, planner: Planner | None = None) -> 
     Args:
         path: path of a file that :func:`save` wrote.
         problem: the planning problem.
-        planner: planner of the search, if it has no name.
+        planner: planner of the search, if it was given as a function without a name.
 
     Raises:
         FileError: file that is not a plan, is damaged, or belongs to another problem.
@@ -104,7 +107,7 @@ def load(path: str | Path, problem: Problem, planner: Planner | None = None) -> 
 
 
 def _curve(arrays: dict[str, Array]) -> Array:
-    """(n, 3) record of the best plans; the file has (0,) if there are none."""
+    """(n, 3) seconds, rollouts and duration of each plan that was the best; (0,) means none."""
     if arrays["curve"].size == 0:
         return npz.finite(arrays, "curve", (0,)).reshape(0, 3)
     return npz.finite(arrays, "curve", (None, 3))

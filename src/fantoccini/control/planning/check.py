@@ -1,4 +1,7 @@
-"""Checks of plans: second simulations from their start and inputs alone."""
+"""Checks of plans: second simulations from their start and inputs alone.
+
+q_D are the dynamic coordinates of the puppet; the driven ones follow the inputs.
+"""
 
 from __future__ import annotations
 

@@ -7,6 +7,11 @@ A step x of velocities dV = basis x is the solution of::
 
 where D takes differences of accelerations. A line search over all step lengths at once, in lanes,
 selects the one with the least merit.
+
+V are the velocities of the driven coordinates at the ends of segments, r the residual of the goal
+with the Jacobian J, c the constraints with the Jacobian C, and s their violations. D takes
+differences over the time T of a segment. Lanes are runs that the vector unit of the processor
+advances together.
 """
 
 from __future__ import annotations

@@ -11,6 +11,11 @@ The gains are those for the puppet's active set. If the plan has another one at 
 string was caught or released earlier or later, the reference state and K come from the nearest part
 of the plan with the puppet's active set, extended beyond its event; if there is no such part, from
 the plan at that time.
+
+A segment is a piece of the plan with constant accelerations acc_K of the driven coordinates, and
+node k the state at its start. D stands for dynamic coordinates, K for driven ones; K_k is a gain
+matrix. At a catch, a slack string becomes taut. Slip is the length of string that a winch lets out
+at its largest tension.
 """
 
 from __future__ import annotations

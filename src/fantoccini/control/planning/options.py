@@ -1,4 +1,7 @@
-"""Options of a search for a plan."""
+"""Options of a search for a plan.
+
+A rollout is a simulation of inputs within the search.
+"""
 
 from __future__ import annotations
 

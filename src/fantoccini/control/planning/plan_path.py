@@ -1,4 +1,8 @@
-"""Plans as paths through a search tree; simulations of plans from their start and inputs."""
+"""Plans as paths through a search tree; simulations of plans from their start and inputs.
+
+A node is a state of the tree, and a segment a piece of the plan with constant driven accelerations.
+v_K are the driven velocities, n_vK is their number.
+"""
 
 from __future__ import annotations
 
@@ -42,7 +46,7 @@ class PlanPath:
 
     @property
     def tolerance(self) -> float:
-        """Tolerance of the goal's distance."""
+        """Weighted distance from the goal at which it counts as reached."""
         return self.problem.tolerance
 
     @property

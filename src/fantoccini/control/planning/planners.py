@@ -7,6 +7,10 @@ that falls with their distance from the goal, each gets a random input, and the 
 of the tree. A rollout begins with a random exploration phase, with random velocities of the driven
 coordinates. Then a linear-quadratic regulator controls it to the equilibrium at the goal. The
 ends of all its segments become nodes.
+
+A node is a state of the search tree, and a segment a piece of a motion with constant accelerations
+of the driven coordinates q_K. Lanes are rollouts that the vector unit of the processor advances
+together.
 """
 
 from __future__ import annotations

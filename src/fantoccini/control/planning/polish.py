@@ -1,4 +1,8 @@
-"""Polishing: makes plans shorter and ends them nearer to the goal, by :mod:`.descent`."""
+"""Polishing: makes plans shorter and ends them nearer to the goal, by :mod:`.descent`.
+
+A segment is a piece of the plan with constant driven accelerations; n_vK is the number of driven
+velocities.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""The result of a search for a plan."""
+"""The result of a search for a plan.
+
+A node is a state at the end of a segment, a piece of the plan with constant accelerations of the
+driven coordinates. q_D are dynamic coordinates, q_K driven ones.
+"""
 
 from __future__ import annotations
 
@@ -104,7 +108,7 @@ class PlanResult(Answer):
 
     @property
     def tolerance(self) -> float:
-        """Tolerance of the goal's distance."""
+        """Weighted distance from the goal at which it counts as reached."""
         return self.plan_path.tolerance
 
     @property

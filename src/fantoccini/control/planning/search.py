@@ -1,4 +1,9 @@
-"""Searches for a first plan, then for better ones."""
+"""Searches for a first plan, then for better ones.
+
+A node of the tree is a state that a simulation has reached. In names, K stands for driven
+coordinates: ends and lengths of strings, driven joints. A segment is a piece of a motion with
+constant driven accelerations.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""The search tree: states, the segments between them, costs and distances."""
+"""The search tree: states, the segments between them, costs and distances.
+
+A node is a state, and a segment a piece of motion with constant accelerations of the driven
+coordinates q_K; q_D are the dynamic ones. A catch is a slack string that becomes taut.
+"""
 
 from __future__ import annotations
 

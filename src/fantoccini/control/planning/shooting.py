@@ -4,6 +4,10 @@ The velocities V of the driven coordinates at the ends of segments define a roll
 
     r(V)        goal residual at its end,
     c(V) >= 0   clearances, distances from limits and tensions of taut strings, at every check
+
+A driven coordinate is the end or length of a string, or a driven joint. A segment is a piece of
+motion with constant driven accelerations acc_K; q_D, q_K and v_D, v_K are the dynamic and driven
+coordinates and velocities. A node is a state at the end of a segment.
 """
 
 from __future__ import annotations

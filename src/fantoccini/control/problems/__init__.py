@@ -1,4 +1,10 @@
-"""Planning problems: tasks prepared for searches, and the rollouts that approach their ends."""
+"""Planning problems: tasks prepared for searches, and the rollouts that approach their ends.
+
+A rollout is a simulation within a search. An LQR law is the feedback of a linear-quadratic
+regulator, and a stance a state of rest in which the floor carries a part of the weight. q_D are the
+dynamic coordinates of a puppet and q_K the driven ones: ends and lengths of strings, and driven
+joints.
+"""
 
 from fantoccini.control.problems.derivatives import central_differences, taut_projection
 from fantoccini.control.problems.loading import load_problem

@@ -1,4 +1,11 @@
-"""Equilibria of a puppet at a goal, or as near to it as the puppet can hang."""
+"""Equilibria of a puppet at a goal, or nearest to it, as a start of planning.
+
+q_D are the dynamic coordinates and q_K the driven ones, the ends and lengths of strings; n_vD and
+n_vK are the numbers of their velocities. A wire is a string that also pushes. A marionette is a
+puppet with its compiled equations; `marionette.puppet` is the description in its file. A taut
+string pulls, a slack one does not. With the inertia matrix M_DD = F^T F, w_0 = F^-T f are the
+scaled forces f without strings, and W those of unit tensions; T are tensions.
+"""
 
 from __future__ import annotations
 

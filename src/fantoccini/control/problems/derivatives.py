@@ -5,6 +5,11 @@ For z = (dq_D, dv_D, dq_K, dv_K), with tangent vectors dq::
     z_end = A z_start + B dacc_K
 
 by central differences in one batch, of the time-stepper in lanes or of any other map of states.
+
+q_D are the dynamic coordinates and q_K the driven ones, with velocities v_D and v_K and driven
+accelerations acc_K. A segment is a piece of motion with constant acc_K. Lanes are runs that the
+vector unit of the processor advances together. h is the gap of a string, path length minus string
+length; hdot and hddot are its rates. A taut string pulls, a slack one does not.
 """
 
 from __future__ import annotations

@@ -1,4 +1,9 @@
-"""Recognition of unreachable goals before the search."""
+"""Recognition of unreachable goals before the search.
+
+A goal is out of reach if no pose of the bodies, on their joints, has it. A marionette is a puppet
+with its compiled equations; `marionette.puppet` is the description in its file. A link is a body on
+its joint.
+"""
 
 from __future__ import annotations
 

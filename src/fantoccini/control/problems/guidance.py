@@ -1,4 +1,9 @@
-"""Guidance of a problem's rollouts: equilibria at the goal, and feedback laws towards them."""
+"""Guidance of a problem's rollouts: equilibria at the goal, and feedback laws towards them.
+
+q_D are the dynamic coordinates and q_K the driven ones, the ends and lengths of strings. A stance
+is a state of rest in which the floor carries a part of the weight. A rollout is a simulation within
+the search.
+"""
 
 from __future__ import annotations
 

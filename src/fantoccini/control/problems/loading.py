@@ -1,4 +1,7 @@
-"""Problems of files."""
+"""Problems of files.
+
+A problem is a task prepared for a search.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,9 @@
-"""LQR laws, which bring a puppet to an equilibrium from a region around it."""
+"""LQR laws, which bring a puppet to an equilibrium from a region around it.
+
+LQR stands for linear-quadratic regulator: feedback that minimises squared deviations. q_D are the
+dynamic coordinates and q_K the driven ones, the ends and lengths of strings. A segment is a piece
+of motion with constant driven accelerations.
+"""
 
 from __future__ import annotations
 

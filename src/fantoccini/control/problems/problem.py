@@ -1,4 +1,8 @@
-"""Planning problems: tasks prepared once for searches with any seed."""
+"""Planning problems: tasks prepared once for searches with any seed.
+
+q_K are the driven coordinates, the ends and lengths of strings, and q_D the dynamic ones. A slack
+string does not pull.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,9 @@
-"""Pushes of props: pusher, start, place and waypoints."""
+"""Pushes of props: pusher, start, place and waypoints.
+
+The pusher is a body that pushes the prop, a free body. q_D are dynamic coordinates, q_K driven
+ones. A marionette is a puppet with its compiled equations; `marionette.puppet` is the description
+in its file. A link is a body on its joint.
+"""
 
 from __future__ import annotations
 

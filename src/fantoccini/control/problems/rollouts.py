@@ -1,4 +1,9 @@
-"""Rollouts: many short simulations at once, within bounds."""
+"""Rollouts: many short simulations at once, within bounds.
+
+A segment is a piece of motion with constant accelerations of the driven coordinates, and a check an
+instant at which bounds and clearances are evaluated. Lanes are rollouts that the vector unit of the
+processor advances together.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""Stances: rest near a goal on strings and supports together."""
+"""Stances: rest near a goal on strings and supports together.
+
+In a stance, supports such as the floor carry a part of the weight. q_D are the dynamic coordinates
+and q_K the driven ones, the ends and lengths of strings. A taut string pulls, a slack one does not.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,10 @@
-"""Tasks of control: goals, costs, bounds, paths and touches, and their files."""
+"""Tasks of control: goals, costs, bounds, paths and touches, and their files.
+
+A task is a motion to be computed. A track is a quantity that should follow a path, a touch a point
+of a body that should pass a place. A driven coordinate is an end or a length of a string, or a
+driven joint; its accelerations acc_K are the inputs. z = (dq_D, dv_D, dq_K, dv_K) is a change of a
+state: of the dynamic coordinates and velocities, then of the driven ones.
+"""
 
 from fantoccini.control.tasks.answer import Answer, AnswerStatus
 from fantoccini.control.tasks.bounds import Bounds, Interval, Magnitudes

@@ -1,4 +1,8 @@
-"""Answers to problems of control, and their statuses."""
+"""Answers to problems of control, and their statuses.
+
+An answer holds if its event-driven run keeps its bounds; it is a minimum if no small change lowers
+its cost. It is true if both are the case.
+"""
 
 from __future__ import annotations
 

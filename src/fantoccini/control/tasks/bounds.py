@@ -1,4 +1,10 @@
-"""Bounds of a motion: driven coordinates, tensions, joints, forces and motors."""
+"""Bounds of a motion: driven coordinates, tensions, joints, forces and motors.
+
+A driven coordinate is an end or a length of a string, or a driven joint; q_K and v_K are these
+coordinates and their velocities. A drive moves one by a motor towards a command. In names, D stands
+for dynamic coordinates, which move by the equations of motion. A taut string pulls, a slack one
+does not. A row is a condition on a number of the motion, such as a tension.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +25,7 @@ from fantoccini.model.tree import CoordinateTable, DriveRow
 from fantoccini.motion import State
 
 Magnitudes: TypeAlias = float | Mapping[str, float]
-"""The largest magnitude of all driven coordinates, or by name."""
+"""The largest magnitude, for all driven coordinates or name -> magnitude."""
 _MIN_TENSION_SHARE = 5e-3
 """Smallest tension of a string that must stay taut, relative to the weight."""
 _TAUT_TENSION_SHARE = 1e-4
@@ -38,7 +44,7 @@ Value = TypeVar("Value")
 class Bounds:
     """Bounds of a motion.
 
-    Driven coordinates that a drive moves are those of its command, and may have either name.
+    If a drive moves a coordinate, the bounds apply to the drive's command; either name is allowed.
 
     Attributes:
         position: driven scalar coordinate -> lowest and highest value [m or rad].
@@ -55,7 +61,7 @@ class Bounds:
         held: names of driven velocities that stay 0.
         clearance: least distance of bodies and strings from obstacles, and of bodies of different
             puppets from one another [m]; None for no check.
-        own_body: whether bodies of one puppet that no joint connects keep that clearance, too.
+        own_body: whether ``clearance`` also applies to bodies of one puppet that no joint connects.
     """
 
     position: Mapping[str, Interval] = field(default_factory=dict)

@@ -1,4 +1,8 @@
-"""Parameters of a puppet that are chosen along with its motion."""
+"""Parameters of a puppet that are chosen along with its motion.
+
+A parameter is a number that the puppet file names, such as a length. v_D and v_K are dynamic and
+driven velocities.
+"""
 
 from __future__ import annotations
 

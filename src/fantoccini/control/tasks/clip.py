@@ -1,4 +1,7 @@
-"""Clips: motions of a run as paths of tracks."""
+"""Clips: motions of a run as paths of tracks.
+
+A track is a quantity that should follow a path. q_D are dynamic and q_K driven coordinates.
+"""
 
 from __future__ import annotations
 
@@ -15,14 +18,15 @@ from fantoccini.motion import Trajectory
 
 @dataclass(frozen=True, eq=False)
 class Clip:
-    """path(t) = the run's motion at its time start + speed (t - begin), constant beyond its ends.
+    """Motion of a part in a run: path(t) is that at time start + speed (t - begin) of the run.
 
-    The run may be of another puppet, whose bodies, coordinates and strings are found by name.
+    It is constant beyond the run's ends. The run may be of another puppet, whose bodies,
+    coordinates and strings are found by name.
 
     Attributes:
         run: a simulated run, or one that was saved: ``fan.Trajectory.load("take.npz")``.
         of: name of the followed part in the run; by default the track's name.
-        begin: time at which the run begins [s]; its own first time by default.
+        begin: time in the new motion at which the run begins [s]; the run's first time by default.
         speed: speed of the run's time; 2 is twice as fast.
         by: (3,) displacement added to points [m].
     """

@@ -1,4 +1,7 @@
-"""Files of control: task files and planning problems."""
+"""Files of control: task files and planning problems.
+
+A mistake is an error of the file with its line.
+"""
 
 from __future__ import annotations
 

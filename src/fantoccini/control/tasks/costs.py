@@ -4,6 +4,8 @@
 
 with residuals r: the position of a point minus its path, the angle between an orientation and its
 path, a coordinate, a tension, accelerations and their rates.
+
+acc_K are the accelerations of the driven coordinates, the ends and lengths of strings.
 """
 
 from __future__ import annotations

@@ -4,6 +4,10 @@
 
 Accelerations are linear between knots. Each is clipped so that its interval ends within the bounds
 of speed, at a position from which the coordinate can still stop within its bounds.
+
+A driven coordinate is an end or a length of a string, or a driven joint; acc_i is its acceleration
+in interval i. W_ij is the value of the hat function of knot j there: 1 at the knot, linear to 0 at
+its neighbours. In names, D stands for dynamic coordinates, which move by the equations of motion.
 """
 
 from __future__ import annotations

@@ -1,4 +1,8 @@
-"""Bounds of the driven coordinates of plans, as arrays."""
+"""Bounds of the driven coordinates of plans, as arrays.
+
+A driven coordinate q_K is an end or a length of a string, or a driven joint; v_K are their
+velocities.
+"""
 
 from __future__ import annotations
 

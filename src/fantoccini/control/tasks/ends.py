@@ -1,4 +1,8 @@
-"""Required final states of motions, in whole or in part."""
+"""Required final states of motions, in whole or in part.
+
+z = (dq_D, dv_D, dq_K, dv_K) is a change of a state: of dynamic coordinates and velocities, then of
+driven ones. n_vD and n_vK are the numbers of velocities.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Checked targets and weights of goals; their coordinates by name."""
+"""Checked targets and weights of goals; their coordinates by name.
+
+q_D are the dynamic coordinates, n_vD is the number of their velocities.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""Goals of plans, and the distances of states from them."""
+"""Goals of plans, and the distances of states from them.
+
+q_D are the dynamic coordinates and q_K the driven ones, the ends and lengths of strings; n_vD and
+n_vK are the numbers of their velocities. A gap is here the distance of two parts that should touch.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Tasks of files: task files, and problem files of plans."""
+"""Tasks of files: task files, and problem files of plans.
+
+A task file describes a motion of least cost, a problem file a plan among obstacles.
+"""
 
 from __future__ import annotations
 

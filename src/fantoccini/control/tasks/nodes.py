@@ -1,6 +1,9 @@
 """Motions on a grid of times: states at nodes, constant accelerations of the inputs between them.
 
 A change of a state is a tangent vector z = (dq_D, dv_D, dq_K, dv_K), with rotation vectors.
+
+D stands for the dynamic coordinates, K for the driven ones (ends and lengths of strings); acc_K are
+the accelerations of the latter, constant in each interval. A node is an end of an interval.
 """
 
 from __future__ import annotations

@@ -1,4 +1,8 @@
-"""Objectives: costs of plans."""
+"""Objectives: costs of plans.
+
+A catch is a slack string that becomes taut, with an impulse. acc_K are the accelerations of the
+driven coordinates.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""Conditions of plans, and options of the rollouts that find them."""
+"""Conditions of plans, and options of the rollouts that find them.
+
+A rollout is a simulation within a search. A segment is a piece of it with constant accelerations of
+the driven coordinates; a check is an instant at which bounds and clearances are evaluated.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,10 @@
-"""Problem files: tasks of planning in YAML. Every mistake is reported with its location."""
+"""Problem files: tasks of planning in YAML. Every mistake is reported with its location.
+
+Classes with names in `File` are parts of one problem file. The types `Sized` and `Size` are a
+number and a positive number of at most 1e6. A driven coordinate is an end or a length of a string,
+or a driven joint; a slack string does not pull. A marionette is a puppet with its compiled
+equations; `marionette.puppet` is the description in its file.
+"""
 
 from __future__ import annotations
 
@@ -71,7 +77,7 @@ class StandGoal(Model):
     on: Annotated[tuple[NamePair, ...], Field(min_length=1)]
     """Pairs that must touch: feet and their supports."""
     share: RealShare = 0.1
-    """Least share of the puppets' weight on them, 0 to 1."""
+    """Least share of the puppets' weight that these supports carry, 0 to 1."""
 
 
 class ContactFile(Model):
@@ -82,7 +88,7 @@ class ContactFile(Model):
 
 
 class GoalFile(Model):
-    """The goal: a `pose`, a `point`, touches or a stance; touches and stances also with a pose."""
+    """The goal: a `pose`, a `point` or neither; in addition touches, or a stance."""
 
     pose: dict[str, Value] | None = None
     """Dynamic coordinate -> value, or [low, high]; a rotation as a vector or a quaternion."""
@@ -95,8 +101,8 @@ class GoalFile(Model):
     stand: StandGoal | None = None
     """Stance of the puppet."""
     speed_weight: Sized | None = None
-    """Weight of the norm of the dynamic velocities [s]; 0.1 for a pose, a stance, or a displaced
-    point, 0 for other points and touches."""
+    """Weight of the norm of the dynamic velocities [s]; by default 0.1 for a pose, a stance or a
+    point with `by`, 0 for other points and for touches."""
     driven_weight: Sized | None = None
     """Weight of the norm of the driven velocities [s]: greater than 0 if they must end at rest; 1
     for a stance, otherwise 0."""
@@ -122,10 +128,10 @@ class ProblemFile(ControlFile):
     """`keep off`, or the pairs that may touch. Required touches of the goal are allowed, and so are
     touches between props and their supports."""
     tolerance: Size = 0.1
-    """Tolerance of the goal's distance."""
+    """Weighted distance from the goal at which it counts as reached."""
     hold: Annotated[NotNegative, SIZED] | None = None
-    """Time for which the puppet must stay at the goal after the plan's end [s]; 1 if it must touch
-    something, stand or push a prop, otherwise 0."""
+    """Time for which the puppet must stay at the goal after the plan's end [s]; by default 1 if the
+    goal is a touch, a stance or the place of a prop, otherwise 0."""
     speed: Real | dict[str, Real] = 0.5
     """Bound for all driven coordinates, or by name; others hold still [m/s or rad/s]."""
     acceleration: Real | dict[str, Real] = 2.0
@@ -133,13 +139,14 @@ class ProblemFile(ControlFile):
     reserve: Real = 0.0
     """Share of these bounds that plans reserve for feedback, 0 to less than 1."""
     segment: Positive | None = None
-    """Duration of constant accelerations: a multiple of 0.02 s up to 10 s, 0.1 s by default [s]."""
+    """Duration of a piece with constant accelerations [s]: a multiple of 0.02 s up to 10 s, by
+    default 0.1 s."""
     objective: Literal["gentle", "time", "acceleration"] = "gentle"
-    """Cost that better plans reduce: catches and time, time, or accelerations and time."""
+    """Cost that better plans reduce: time alone, or with catches of strings, or accelerations."""
     ranges: dict[str, tuple[Sized, Sized]] = Field(default_factory=dict)
     """Driven coordinate -> [low, high]."""
     margin: Sized = 0.0
-    """Least clearance [m]."""
+    """Least distance of bodies and strings from obstacles [m]."""
     slack: bool = True
     """Whether taut strings may go slack on the way."""
     strings: bool = True
@@ -210,7 +217,7 @@ def task_of_problem(reading: Reading[ProblemFile]) -> Task:
 
 
 def _all_named(marionette: Marionette, bound: Magnitudes, kind: str) -> Magnitudes:
-    """A bound of a file; coordinates that it does not name have 0, as plans hold them still."""
+    """A bound of the file, with 0 for coordinates without an entry, as plans hold them still."""
     if not isinstance(bound, Mapping):
         return bound
     names = marionette.coordinates.q_K
@@ -219,7 +226,7 @@ def _all_named(marionette: Marionette, bound: Magnitudes, kind: str) -> Magnitud
 
 
 def _n_checks(segment: float | None) -> int:
-    """Number of checks in a segment of this duration [s], or in a default one."""
+    """Number of checks of clearances and bounds in a segment of this duration [s]."""
     defaults = RolloutOptions()
     return defaults.n_checks if segment is None else check_count(segment, defaults.interval)
 

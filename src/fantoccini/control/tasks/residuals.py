@@ -1,4 +1,9 @@
-"""Residuals of costs at nodes, and their derivatives with respect to changes of the states."""
+"""Residuals of costs at nodes, and their derivatives with respect to changes of the states.
+
+A residual is the difference of a quantity from its path. q_D are dynamic and q_K driven
+coordinates, v_D and v_K their velocities. A link is a body on its joint. A twist is a velocity of a
+link, linear and angular; a screw is the twist per unit of one joint velocity.
+"""
 
 from __future__ import annotations
 

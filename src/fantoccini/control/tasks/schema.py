@@ -1,4 +1,9 @@
-"""The schema of task files."""
+"""The schema of task files.
+
+Classes with names in `File` are parts of one task file; `SIZED` checks that a number is at most
+1e6. A driven coordinate is an end or a length of a string, or a driven joint; a drive moves one by
+a motor towards its command.
+"""
 
 from __future__ import annotations
 
@@ -35,7 +40,7 @@ PATH_KEYS = ("value", "values", "csv", "circle", "run")
 
 
 class CircleFile(Model):
-    """A circle from rest to rest; it begins at its point nearest to the start."""
+    """A circle from rest to rest; it begins at its point nearest to the followed point's start."""
 
     centre: Place | None = None
     """Centre in the world [m]."""
@@ -46,7 +51,7 @@ class CircleFile(Model):
     normal: Direction
     """Direction of the circle's axis."""
     turns: Sized = 1.0
-    """Number of turns about the axis; negative: the other way."""
+    """Number of turns about the axis, by the right hand; negative for the opposite direction."""
 
     @model_validator(mode="after")
     def _check_place(self) -> CircleFile:
@@ -55,14 +60,14 @@ class CircleFile(Model):
 
 
 class RunFile(Model):
-    """A clip of a saved run."""
+    """Motion of a part in a saved run, as the path to follow."""
 
     file: str
     """The run: an npz file of `simulate --out` in the same folder."""
     of: str | None = None
     """Name of the followed part in the run; by default the track's name."""
     begin: Sized | None = None
-    """Time at which the run begins; its own first time by default [s]."""
+    """Time in this motion at which the run begins [s]; the run's first time by default."""
     speed: Annotated[Positive, SIZED] = 1.0
     """Speed of the run's time; 2 is twice as fast."""
     by: Place = (0.0, 0.0, 0.0)
@@ -70,10 +75,10 @@ class RunFile(Model):
 
 
 class TrackFile(Model):
-    """A quantity and its path: `point`, `orientation`, `coordinate`, `velocity` or `tension`."""
+    """A quantity (`point`, `orientation`, `coordinate`, `velocity` or `tension`) and its path."""
 
     point: str | None = None
-    """Body with a point that follows places [m]."""
+    """Body of the point that follows a path of places [m]."""
     orientation: str | None = None
     """Body that follows quaternions [w, x, y, z] or rotation vectors [rad]."""
     coordinate: str | None = None
@@ -87,7 +92,7 @@ class TrackFile(Model):
     value: Value | None = None
     """Constant value."""
     times: tuple[Sized, ...] = ()
-    """Times of `values`, increasing [s]; linear between them."""
+    """Times of `values`, increasing [s]; the values are linear between them."""
     values: tuple[Value, ...] | None = None
     """Values at `times`."""
     csv: str | None = None
@@ -96,15 +101,15 @@ class TrackFile(Model):
     circle: CircleFile | None = None
     """Circle that a point follows."""
     run: RunFile | None = None
-    """Clip of a saved run."""
+    """Motion in a saved run, which the quantity follows."""
     weight: Annotated[NotNegative, SIZED] = 1.0
     """Weight of the integral of the squared residual."""
     end_weight: Annotated[NotNegative, SIZED] = 0.0
     """Weight of the squared residual at the end."""
     start: Sized | None = None
-    """Time from which the path counts [s]."""
+    """Time from which the distance from the path is a cost [s]."""
     end: Sized | None = None
-    """Time until which the path counts [s]."""
+    """Time until which the distance from the path is a cost [s]."""
 
     @model_validator(mode="after")
     def _check_path(self) -> TrackFile:
@@ -145,7 +150,7 @@ class TouchFile(Model):
     between: tuple[Sized | None, Sized | None] = (None, None)
     """First and last time [s]; null for no limit."""
     in_turn: bool = False
-    """Whether it comes no earlier than the previous touch."""
+    """Whether it comes no earlier than the touch before it in the list."""
 
     @model_validator(mode="after")
     def _check_place(self) -> TouchFile:
@@ -181,15 +186,15 @@ class BoundsFile(Model):
     force: dict[str, Span] = Field(default_factory=dict)
     """Driven velocity -> [low, high] of the force that drives it [N or N m]."""
     speed: Magnitudes = None
-    """Largest speed of all driven coordinates, or by name [m/s or rad/s]."""
+    """Largest speed, for all driven coordinates or name -> speed [m/s or rad/s]."""
     acceleration: Magnitudes = None
-    """Largest acceleration, likewise [m/s^2 or rad/s^2]."""
+    """Largest acceleration, for all or name -> acceleration [m/s^2 or rad/s^2]."""
     jerk: Magnitudes = None
-    """Largest jerk, likewise [m/s^3 or rad/s^3]."""
+    """Largest jerk, for all or name -> jerk [m/s^3 or rad/s^3]."""
     voltage: Magnitudes = None
-    """Largest voltage that controllers request from dc motors, for all or by command [V]."""
+    """Largest voltage of dc motors, for all or name of the command -> voltage [V]."""
     current: Magnitudes = None
-    """Largest current, likewise [A]."""
+    """Largest current of dc motors, for all or name of the command -> current [A]."""
     held: tuple[str, ...] = ()
     """Driven velocities that stay 0."""
     clearance: Annotated[NotNegative | None, SIZED] = None
@@ -234,9 +239,10 @@ class TaskFile(ControlFile):
     task: Name
     """The task's name."""
     end: dict[str, Value] | None = None
-    """Coordinate -> value: it ends at rest with the driven ones there; others as at the start."""
+    """Coordinate -> value: the motion ends in a state of rest with these driven coordinates, others
+    as at the start; values of dynamic coordinates only begin the search for this state."""
     periodic: dict[str, Angle] | None = None
-    """Instead of `end`: it ends in the state in which it began, except for displacements of these
+    """Instead of `end`: the motion ends in its first state, except for displacements of these
     scalar coordinates [m or rad]; `{}` for no displacement."""
     duration: Duration
     """Duration of the motion, or [shortest, longest] [s]."""
@@ -255,13 +261,13 @@ class TaskFile(ControlFile):
     slack: bool = False
     """Whether strings that pull at the start may go slack."""
     explore: Annotated[int, Field(ge=0)] = 0
-    """Number of random explorations for motions through slack strings and catches."""
+    """Number of random explorations, for motions in which strings go slack and taut again."""
     time_weight: Annotated[NotNegative, SIZED] = 1.0
     """Cost of a second, if the duration is free [1/s]."""
     interval: Positive = 0.02
     """Length of the intervals over which driven accelerations are constant [s]."""
     step: Positive = 0.005
-    """Longest time step of the derivatives [s]."""
+    """Longest time step of the simulation from which derivatives are computed [s]."""
 
     @model_validator(mode="after")
     def _check_end(self) -> TaskFile:

@@ -3,6 +3,9 @@
     p(t) = c + r (e_1 cos phi + e_2 sin phi),   phi = 2 pi turns (10 s^3 - 15 s^4 + 6 s^5)
 
 with s from 0 to 1: a circle that begins and ends at rest (minimum jerk).
+
+c is the centre and r the radius; e_1 and e_2 are orthogonal unit vectors in the plane of the
+circle.
 """
 
 from __future__ import annotations
@@ -24,7 +27,7 @@ class Circle:
     Attributes:
         centre, e_1, e_2: (3,) centre, and unit vectors of the plane's axes [m, 1, 1].
         radius: radius [m].
-        turns: number of turns; negative: the other way about the normal.
+        turns: number of turns about the normal, by the right hand; negative for the opposite sense.
         start, end: times at which it begins and ends [s]; it rests before and after.
     """
 

@@ -1,4 +1,8 @@
-"""Many states of a puppet as arrays."""
+"""Many states of a puppet as arrays.
+
+q_D are dynamic and q_K driven coordinates, v_D and v_K their velocities; slip is the length that
+each winch has let out.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Targets over time: the values that costs ask for."""
+"""Targets over time: the values that costs ask for.
+
+A target is the path of a quantity: a constant, samples at times, or a function of time.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,9 @@
-"""Tasks: motions that are planned, optimised or followed."""
+"""Tasks: motions that are planned, optimised or followed.
+
+q_D are the dynamic coordinates and q_K the driven ones (ends and lengths of strings); the
+accelerations acc_K of the latter are the unknowns. A marionette is a puppet with its compiled
+equations; `marionette.puppet` is the description in its file.
+"""
 
 from __future__ import annotations
 

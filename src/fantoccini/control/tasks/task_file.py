@@ -1,4 +1,9 @@
-"""Tasks of task files. Every mistake is reported with its location."""
+"""Converter of task files to tasks. Every mistake is reported with its location.
+
+A track is a quantity that should follow a path, a touch a point of a body that should pass a place.
+A node is a time at which the inputs may change. In names, D stands for dynamic coordinates, which
+move by the equations of motion, and K for driven ones: ends and lengths of strings, driven joints.
+"""
 
 from __future__ import annotations
 
@@ -120,7 +125,7 @@ def _guess(reading: Reading[TaskFile]) -> Input:
 
 
 def _in_same_folder(located: Located, name: str) -> Path:
-    """The path of a file in the folder of another."""
+    """Path of the file with a name, in the folder of the task file."""
     path = located.file_in_folder(name)
     if path is None:
         raise StateError(f"found {shown(name)}: no file in this one's folder")
@@ -158,7 +163,7 @@ class _TrackReader:
             start,
             end,
         )
-        if file.kind != "tension":  # its path is checked by the width of its values
+        if file.kind != "tension":  # a tension's values were checked when read
             nodes = Nodes.constant(self._marionette, self._x0, 1.0, 1)
             if (
                 self._check(location, lambda: track_residual(self._marionette, track, nodes))
@@ -257,7 +262,7 @@ class _TrackReader:
 
 
 def _number(kind: str, value: float | tuple[float, ...] | None) -> Array:
-    """(width,) one value of a path."""
+    """(width,) numbers of one value of a path."""
     assert value is not None  # otherwise a mistake was reported
     numbers = np.atleast_1d(np.asarray(value, dtype=float))
     if kind == "orientation" and len(numbers) == 3:
@@ -282,7 +287,7 @@ def _times(times: tuple[float, ...], n: int) -> Array:
 
 
 def _continuous(kind: str, values: Array) -> Array:
-    """The same values; quaternions with continuous signs."""
+    """The values of a path; quaternions are normalised, with continuous signs."""
     if kind != "orientation":
         return values
     if np.any(np.linalg.norm(values, axis=1) < 0.5):
@@ -304,7 +309,7 @@ def _check_intervals(reading: Reading[TaskFile]) -> None:
 
 
 def _check_exploring(reading: Reading[TaskFile]) -> None:
-    """Reports entries that exclude explorations."""
+    """Reports entries of the file that cannot be combined with explorations."""
     file = reading.file
     if file.explore and not file.slack:
         text = "it searches motions with slack strings; needed: slack: true"
@@ -323,7 +328,7 @@ def _check_exploring(reading: Reading[TaskFile]) -> None:
 def _check_name(
     file: TrackFile, marionette: Marionette, location: Location, check: Mistakes
 ) -> None:
-    """Reports the name of a track that the puppet lacks."""
+    """Reports a track whose name the puppet does not have."""
     name, kind = getattr(file, file.kind), file.kind
     if kind == "tension":
         check((*location, kind), lambda: Bounds(tension={name: (0.0, 1.0)}).tensions(marionette))

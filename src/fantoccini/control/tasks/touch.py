@@ -1,4 +1,7 @@
-"""Touches: places to pass at times that the search finds."""
+"""Touches: places to pass at times that the search finds.
+
+Such a touch is not a contact: a point of a body passes a place in space.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,9 @@
-"""Touches of a plan: allowed pairs, required pairs at the goal, and pairs that must stay apart."""
+"""Touches of a plan: allowed pairs, required pairs at the goal, and pairs that must stay apart.
+
+A touch is here a contact of two parts; the gap is the distance between them. q_D are dynamic and
+q_K driven coordinates. A marionette is a puppet with its compiled equations; `marionette.puppet` is
+the description in its file. A link is a body on its joint.
+"""
 
 from __future__ import annotations
 

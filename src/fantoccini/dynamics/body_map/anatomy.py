@@ -1,4 +1,10 @@
-"""Anatomy of a puppet at rest: segments of bodies that move as one, and strings tied to them."""
+"""Anatomy of a puppet at rest: segments of bodies that move as one, and strings tied to them.
+
+A chain is a string of point masses and springs. A member is a puppet of a scene. In names, D stands
+for dynamic coordinates, which move by the equations of motion, and K for driven ones: ends and
+lengths of strings, driven joints. A link is a body on its joint. A row of the tree describes a
+string, limit, spring or drive, a row of the coordinate table one coordinate.
+"""
 
 from __future__ import annotations
 

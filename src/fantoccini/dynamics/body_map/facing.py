@@ -1,4 +1,8 @@
-"""Direction in which a puppet looks, from its head, tail, feet, joints and strings."""
+"""Direction in which a puppet looks, from its head, tail, feet, joints and strings.
+
+A clue votes for a direction or its opposite; a doubt means that clues contradict one another. A
+link is a body on its joint. A segment is a body with the bodies fixed on it.
+"""
 
 from __future__ import annotations
 

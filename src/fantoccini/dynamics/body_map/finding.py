@@ -1,4 +1,8 @@
-"""Body map of a puppet: entries of its file, completed from its anatomy at rest."""
+"""Body map of a puppet: entries of its file, completed from its anatomy at rest.
+
+A body map says which bodies and strings are trunk, head and limbs. A member is a puppet of a scene,
+and a twin the mirror image of a body. A segment is a body with the bodies fixed on it.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""Trunk, head and limbs of a puppet, from its branches about the plane of symmetry."""
+"""Trunk, head and limbs of a puppet, from its branches about the plane of symmetry.
+
+A segment is a body with the bodies fixed on it. The root is the segment that carries all others of
+its tree, and a twin the mirror image of a branch.
+"""
 
 from __future__ import annotations
 

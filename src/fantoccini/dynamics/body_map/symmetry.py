@@ -1,4 +1,8 @@
-"""Plane of symmetry of a puppet, from pairs of branches that are alike."""
+"""Plane of symmetry of a puppet, from pairs of branches that are alike.
+
+A segment is a body with the bodies fixed on it; a branch is a segment with everything that it
+carries.
+"""
 
 from __future__ import annotations
 

@@ -6,6 +6,9 @@ The displacement of a point between two configurations is at most the length of 
 
 for two solids. Intervals in which this bound permits a distance below a limit are halved, until it
 no longer does.
+
+d(t) is the distance of solids i and j at time t, d(c) that at a sample, and path the length that a
+point of a solid travels. q_D and q_K are the dynamic and driven coordinates at the samples.
 """
 
 from __future__ import annotations

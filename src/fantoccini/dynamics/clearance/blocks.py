@@ -7,6 +7,9 @@ its path, so that
 
 with sag the largest distance of a slack string from its chord. Blocks in which this bound is
 large are finished; the others are cut into smaller ones, down to steps between samples.
+
+A core is the segment, box or ellipsoid that stands for a piece of a string or for a solid. The
+chord of a string is the straight line between its ends.
 """
 
 from __future__ import annotations

@@ -1,4 +1,9 @@
-"""Cores of strings and bodies along a motion, and distances between them."""
+"""Cores of strings and bodies along a motion, and distances between them.
+
+A core is the segment, box or ellipsoid that stands for a piece of a string or for a solid; a slack
+string sags below its chord, the straight line between its ends. q_D and q_K are the dynamic and
+driven coordinates. A link is a body on its joint.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,9 @@
-"""Clearance: distances of a puppet from obstacles and from itself."""
+"""Clearance: distances of a puppet from obstacles and from itself.
+
+q_D and q_K are the dynamic and driven coordinates of the puppet, here of many configurations at
+once. A marionette is a puppet with its compiled equations; `marionette.puppet` is the description
+in its file. A member is a puppet of a scene. A link is a body on its joint.
+"""
 
 from __future__ import annotations
 

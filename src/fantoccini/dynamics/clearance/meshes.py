@@ -2,6 +2,9 @@
 
 A puppet's compiled library measures distances from bounding boxes; it calls this module for meshes
 whose boxes are too near.
+
+A solid is a shape of a body or an obstacle. The winding number of a closed surface is 1 at a point
+inside and 0 outside. A hull is the smallest convex solid around a mesh or a piece of it.
 """
 
 from __future__ import annotations
@@ -35,7 +38,7 @@ _TOLERANCES = _Tolerances()
 class Meshes:
     """Meshes among the solids, and their distances from other solids.
 
-        d = min |x - y|, x in the mesh, y in the other's core (the solid less its radius)
+        d = min |x - y|, x in the mesh, y in the other's core (the solid without its radius)
 
     A closed mesh is solid: anything inside it overlaps it. A mesh is closed if its triangles use
     every edge equally often in both directions; it may have several pieces and hollows. Other

@@ -1,4 +1,7 @@
-"""Obstacles of a puppet: those of its file, more of the same kinds, and half-spaces."""
+"""Obstacles of a puppet: those of its file, more of the same kinds, and half-spaces.
+
+A half-space is everything on one side of a plane, such as the ground.
+"""
 
 from __future__ import annotations
 

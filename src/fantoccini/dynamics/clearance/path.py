@@ -3,6 +3,9 @@
 Between samples of event-driven runs, coordinates are quintics, and rotations are interpolated in
 the tangent space, as in :mod:`fantoccini.base.interpolate`. In runs of fixed steps, coordinates
 are interpolated linearly.
+
+q_D and q_K are the dynamic and driven coordinates, with velocities v and accelerations acc; a
+quintic is a polynomial of degree 5. A link is a body on its joint.
 """
 
 from __future__ import annotations

@@ -1,4 +1,8 @@
-"""Distances of arrays of segments from segments, boxes, ellipsoids; curves of slack strings."""
+"""Distances of arrays of segments from segments, boxes, ellipsoids; curves of slack strings.
+
+A segment is a straight line with two ends. A slack string hangs as a catenary, the curve of a heavy
+chain.
+"""
 
 from __future__ import annotations
 

@@ -3,6 +3,8 @@
 All are exact except ellipsoids: against anything but half-spaces they count as the capsule around
 them, so that a clearance is never overestimated. A mesh is its bounding box in the axes of its body
 and its index in :class:`fantoccini.dynamics.clearance.meshes.Meshes`.
+
+A solid is a shape in the layout of the compiled library, with its link (a body on its joint).
 """
 
 from __future__ import annotations

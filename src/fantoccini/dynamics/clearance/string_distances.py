@@ -1,4 +1,8 @@
-"""StringDistances: distances of strings from one another and from bodies, along a motion."""
+"""StringDistances: distances of strings from one another and from bodies, along a motion.
+
+q_D and q_K are the dynamic and driven coordinates along the motion. A core is the segment, box or
+ellipsoid that stands for a piece of a string or for a solid.
+"""
 
 from __future__ import annotations
 

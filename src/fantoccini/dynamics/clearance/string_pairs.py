@@ -1,4 +1,9 @@
-"""Pairs to keep apart: two strings, or a string and a body."""
+"""Pairs to keep apart: two strings, or a string and a body.
+
+A core is the segment, box or ellipsoid that stands for a piece of a string or for a solid. A member
+is a puppet of a scene. A marionette is a puppet with its compiled equations; `marionette.puppet` is
+the description in its file. A link is a body on its joint.
+"""
 
 from __future__ import annotations
 

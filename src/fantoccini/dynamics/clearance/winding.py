@@ -7,6 +7,8 @@ The pieces a0 to a1 and b0 to b1 of two strings meet where the volume that their
 and their nearest points coincide. Ends move uniformly from one sample to the next, 0 <= s <= 1, so
 that f is a cubic. Where it changes sign and the pieces meet, one string has passed through the
 other: this test is exact, however long the step.
+
+A piece of a string is straight, and a step the time between two samples.
 """
 
 from __future__ import annotations

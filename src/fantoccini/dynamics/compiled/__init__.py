@@ -1,4 +1,10 @@
-"""A compiled puppet: its libraries and parameters, and functions of one state."""
+"""A compiled puppet: its libraries and parameters, and functions of one state.
+
+q_D are the dynamic coordinates, which move by the equations of motion, and q_K the driven ones,
+given as functions of time (ends and lengths of strings, driven joints); v and acc are velocities
+and accelerations. A row is a string or a joint limit with its gap h <= 0; the active set consists
+of the taut rows.
+"""
 
 from fantoccini.dynamics.compiled import configurations
 from fantoccini.dynamics.compiled.accelerations import ForwardDynamics, forward_dynamics

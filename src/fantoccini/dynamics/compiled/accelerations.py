@@ -1,4 +1,10 @@
-"""Accelerations and tensions of a state: Eqs. 10 and 11 with the rules of Sec. IV."""
+"""Accelerations and tensions of a state: Eqs. 10 and 11 with the rules of Sec. IV.
+
+acc_D and acc_K are the accelerations of the dynamic and the driven coordinates. A row is a string
+or a joint limit. h is the gap of a string, path length minus string length; hdot and hddot are its
+rates. With the inertia matrix M_DD = F^T F, w0 = F^-T f are the scaled forces f without strings,
+and W = F^-T A_D^T those of unit tensions.
+"""
 
 from __future__ import annotations
 

@@ -2,6 +2,10 @@
 
 A row that the state's ``taut`` marks is active, and so is every row with h = 0 and hdot = 0, up to
 rounding. The tension tau of an active row follows from tau >= 0, hddot <= 0, tau . hddot = 0.
+
+A row is a string or a joint limit; its gap h is path length minus string length, and hdot and hddot
+are its rates. In names, D stands for dynamic coordinates, which move by the equations of motion,
+and K for driven ones: ends and lengths of strings, driven joints.
 """
 
 from __future__ import annotations

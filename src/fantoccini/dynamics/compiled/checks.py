@@ -1,4 +1,11 @@
-"""Validation of a run's arguments: step, memory, start state, inputs."""
+"""Validation of a run's arguments: step, memory, start state, inputs.
+
+q_D are the dynamic and q_K the driven coordinates, v_D and v_K their velocities. A row is a string
+or a joint limit, and breaks are the times at which pieces of an input meet. A marionette is a
+puppet with its compiled equations; `marionette.puppet` is the description in its file. h is the gap
+of a string, path length minus string length; hdot and hddot are its rates. A taut string pulls, a
+slack one does not.
+"""
 
 from __future__ import annotations
 

@@ -2,6 +2,10 @@
 
 The functions of ``fantoccini.dynamics`` take it as argument; :class:`Marionette` adds them as
 methods.
+
+q_D are the dynamic and q_K the driven coordinates. A winch changes the length of a string. Slip is
+the length of string that a winch lets out at its largest tension. A link is a body on its joint. A
+row is a string or a joint limit with its gap h <= 0.
 """
 
 from __future__ import annotations

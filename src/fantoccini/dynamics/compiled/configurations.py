@@ -1,4 +1,9 @@
-"""Differences of configurations: tangent vectors, ordered as the velocities."""
+"""Differences of configurations: tangent vectors, ordered as the velocities.
+
+A tangent vector has a rotation vector, of three numbers, for an orientation, of four. q_D are the
+dynamic coordinates, n_qD is their number and n_vD that of their velocities. In names, K stands for
+driven coordinates: ends and lengths of strings, driven joints.
+"""
 
 from __future__ import annotations
 

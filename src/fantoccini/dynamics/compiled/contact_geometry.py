@@ -9,6 +9,9 @@ those by a twist of the second, too:
 They are central differences of sixth order of the compiled narrow phase at a fixed feature. The
 step is the largest that agrees with a smaller one: points of solids in flat contact are smooth
 over a small tilt only.
+
+The narrow phase is the exact computation of the contact points of two solids; a feature is the
+vertex, edge or face that touches. The gap is the distance, negative in an overlap.
 """
 
 from __future__ import annotations

@@ -12,6 +12,11 @@ B = b^T sqrt(dt^2 k + 2 dt c). A spring counts in all three directions, because 
 
 A taut string acts as a spring across its segments, with k = tension / length: light bodies on it
 vibrate fast.
+
+M, K and C are the matrices of inertia, stiffness and damping, omega the largest angular frequency;
+k and c are the constants of single springs and dampers. In names, D stands for dynamic coordinates,
+which move by the equations of motion, and K for driven ones: ends and lengths of strings, driven
+joints. A link is a body on its joint.
 """
 
 from __future__ import annotations

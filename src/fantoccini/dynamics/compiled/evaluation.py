@@ -1,6 +1,11 @@
 """One evaluation of the compiled model with its rows: the Python side of ``model/evaluation.hpp``.
 
 hddot = gamma + A_D acc_D,   acc_D = F^-1 (w0 + W lambda),   W = F^-T A_D^T,   M_DD = F^T F
+
+A row is a string or a joint limit with its gap h <= 0, and A_D its derivatives by the dynamic
+coordinates. acc_D are the dynamic accelerations; w0 gives them without strings, and lambda is minus
+the tensions. In names, K stands for driven coordinates: ends and lengths of strings, driven joints.
+Slip is the length of string that a winch lets out at its largest tension.
 """
 
 from __future__ import annotations

@@ -1,4 +1,9 @@
-"""Flow: a puppet's motion between two events as an ordinary differential equation."""
+"""Flow: a puppet's motion between two events as an ordinary differential equation.
+
+y consists of the dynamic coordinates q_D, their velocities v_D and the slip of winches, the lengths
+that they have let out; the driven coordinates q_K are functions of t. A taut string pulls, a slack
+one does not.
+"""
 
 from __future__ import annotations
 
@@ -72,11 +77,11 @@ class Flow:
         return self._run.rate(t, y)
 
     def guards(self, t: float, y: Array) -> Array:
-        """Functions (n_rows + n_watched,) > 0 where a string or limit would snap taut or release.
+        """Functions (n_rows + n_watched,), above 0 where a string or limit would catch or release.
 
-        For a slack row h over the string's length (over 1 for a limit); for a taut one minus its
-        tension, or the tension beyond its winch's largest, over the puppet's weight. The last ones
-        belong to the drives that may lose a step or run away.
+        For a slack row, h divided by the string's length, or a limit's h; for a taut one, minus its
+        tension, or the tension beyond its winch's largest, divided by the puppet's weight. The last
+        functions belong to the drives that may lose a step or run away.
         """
         return self._run.guards(t, y)
 

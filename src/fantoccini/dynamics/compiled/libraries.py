@@ -1,4 +1,8 @@
-"""A puppet's compiled libraries, each loaded from the cache or built when first needed."""
+"""A puppet's compiled libraries, each loaded from the cache or built when first needed.
+
+A library is compiled C++ code of one puppet. Lanes are runs that the vector unit of the processor
+advances together.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""Check that M_DD is not singular, joint by joint."""
+"""Check that M_DD is not singular, joint by joint.
+
+M_DD is the inertia matrix of the dynamic velocities v_D; it is singular if some of them move no
+mass. In names, K stands for driven coordinates: ends and lengths of strings, driven joints.
+"""
 
 from __future__ import annotations
 

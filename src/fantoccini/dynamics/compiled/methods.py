@@ -1,4 +1,7 @@
-"""The three methods of a run, each with its own options."""
+"""The three methods of a run, each with its own options.
+
+At a catch a slack string becomes taut, with an impulse; at a release its tension falls to 0.
+"""
 
 from __future__ import annotations
 

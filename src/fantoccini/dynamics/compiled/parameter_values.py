@@ -1,4 +1,9 @@
-"""Values of parameters that differ from run to run of a batch."""
+"""Values of parameters that differ from run to run of a batch.
+
+A parameter is a number that a puppet file names; a winch changes the length of a string. A
+marionette is a puppet with its compiled equations; `marionette.puppet` is the description in its
+file.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""Layout of a trajectory's samples as the runtime writes them."""
+"""Layout of a trajectory's samples as the runtime writes them.
+
+A sample is one saved instant of a trajectory: an array of numbers, in parts such as q_D and
+tension.
+"""
 
 from __future__ import annotations
 

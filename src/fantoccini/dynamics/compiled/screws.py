@@ -7,6 +7,9 @@ With s_k the screw of velocity k, twists about the world's origin in world axes,
 over the velocities that move a link. Omega_k is the twist of the carrier of the axis of k, and
 [a, b] = (w_a x v_b + v_a x w_b, w_a x w_b). A small change dq moves a link by the twist
 xi = sum of s_k dq_k and turns the screws as a motion does: ds_k = [xi_k, s_k].
+
+a_k is the rate of v_k, and [a, b] the Lie bracket. q_D and q_K are the dynamic and the driven
+coordinates, n_vD and n_vK the numbers of their velocities.
 """
 
 from __future__ import annotations

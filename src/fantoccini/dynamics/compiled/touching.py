@@ -1,4 +1,10 @@
-"""Pairs of solids of a puppet that may touch, and their overlaps."""
+"""Pairs of solids of a puppet that may touch, and their overlaps.
+
+A solid is a shape of a body or an obstacle, and a link a body on its joint. In names, D stands for
+dynamic coordinates, which move by the equations of motion, and K for driven ones: ends and lengths
+of strings, driven joints. A member is a puppet of a scene. A hull is the smallest convex solid
+around a mesh or a piece of it.
+"""
 
 from __future__ import annotations
 

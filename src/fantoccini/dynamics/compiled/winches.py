@@ -1,4 +1,8 @@
-"""Winches of strings (n_strings, 3): largest tension [N], rewinding speed [m/s], restitution."""
+"""Winches of strings (n_strings, 3): largest tension [N], rewinding speed [m/s], restitution.
+
+A winch changes the length of a string, and slips at its largest tension; restitution is the part of
+the speed that a catch gives back.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,10 @@
-"""Derivatives of accelerations, tensions and steps, with contacts in their modes."""
+"""Derivatives of accelerations, tensions and steps, with contacts in their modes.
+
+d stands for derivatives with respect to the dynamic coordinates q_D, the driven ones q_K (ends and
+lengths of strings, driven joints), their velocities v_D and v_K, the driven accelerations acc_K,
+user forces u_D and parameters p. A row is a string or a joint limit with its gap h <= 0; it is held
+while it is taut. A contact point sticks, slides or is open: its mode.
+"""
 
 from fantoccini.dynamics.derivatives.balancing import balanced_state
 from fantoccini.dynamics.derivatives.contact_modes import (

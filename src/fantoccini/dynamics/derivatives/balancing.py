@@ -6,6 +6,10 @@
 C has the rows of held strings and limits and of touching points, as in :mod:`.small_motions`.
 Derivatives are central differences, since the library of exact ones takes as long to compile as the
 model.
+
+q_D are the dynamic coordinates and acc_D their accelerations; eta are coordinates of the motions
+that held strings and contacts leave free. In names, K stands for driven coordinates: ends and
+lengths of strings, driven joints.
 """
 
 from __future__ import annotations

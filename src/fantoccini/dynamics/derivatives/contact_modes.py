@@ -2,6 +2,12 @@
 
 The derivative of a mode is that of the motion where its law holds strictly: points that push have a
 force, those that stick stay inside their cone, open ones open.
+
+A contact point is open, sticks or slides: its mode. Its cone contains the forces that friction
+permits, and u is its relative velocity. In names, D stands for dynamic coordinates, which move by
+the equations of motion, and K for driven ones: ends and lengths of strings, driven joints. The gap
+of two solids is their distance, negative in an overlap. A row is a string or a joint limit with its
+gap h <= 0.
 """
 
 from __future__ import annotations

@@ -8,6 +8,11 @@ tangents, and U = du/dv_D, a point that
 
 An open one holds nothing. Q = U^T f are generalised forces. Tangents turn with the normal and not
 about it; d turns with u:  dd = (1 - d d^T) du_T/|u_T|.
+
+x_n, x_1 and x_2 are the parts of the force, u_T is the tangential part of u, and mu the coefficient
+of friction; v_D are the dynamic velocities. The gap of two solids is their distance, negative in an
+overlap. A link is a body on its joint. A twist is a velocity of a link, linear and angular; a screw
+is the twist per unit of one joint velocity.
 """
 
 from __future__ import annotations

@@ -1,4 +1,11 @@
-"""Contacts at a state: points, their modes and forces, as event-driven runs choose them."""
+"""Contacts at a state: points, their modes and forces, as event-driven runs choose them.
+
+A contact point is open, sticks or slides: its mode. acc_D and acc_K are the accelerations of the
+dynamic and the driven coordinates; a row is a string or a joint limit, and the taut ones are the
+active set. h is the gap of a string, path length minus string length; hdot and hddot are its rates.
+With the inertia matrix M_DD = F^T F, w0 = F^-T f are the scaled forces f without strings, and W =
+F^-T A_D^T those of unit tensions.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,9 @@
-"""Driven coordinates over a time step, and the change of a configuration that moves."""
+"""Driven coordinates over a time step, and the change of a configuration that moves.
+
+q_K are the driven coordinates (ends and lengths of strings, driven joints), v_K and acc_K their
+velocities and accelerations. In names, D stands for dynamic coordinates, which move by the
+equations of motion.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""Equations of motion with held rows, factorised."""
+"""Equations of motion with held rows, factorised.
+
+A row is a string or a joint limit; A_D are the derivatives of held rows by the dynamic coordinates,
+and n_vD is the number of these velocities. (KKT: Karush, Kuhn and Tucker.)
+"""
 
 from __future__ import annotations
 

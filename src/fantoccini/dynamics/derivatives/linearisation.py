@@ -11,6 +11,10 @@ Contacts add their rows and forces, each point in its mode (``contact_rows``).
 
 Changes of a configuration are tangent vectors, of the size of the velocities: a scalar adds, an
 orientation turns by a rotation vector in the body's frame.
+
+The first equation is that of the dynamic coordinates (D), driven by the accelerations acc_K of the
+others (K: ends and lengths of strings); the second keeps taut strings and limits, the held rows, at
+h = 0.
 """
 
 from __future__ import annotations

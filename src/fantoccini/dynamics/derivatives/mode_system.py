@@ -5,6 +5,9 @@
 Held rows are the strings and limits that stay taut, and the directions in which contact points do
 not move. C are their Jacobians, and B those of the forces that hold them; the two differ where
 solids slide. Z is the effect of friction whose direction turns with the velocity.
+
+A contact point is open, sticks or slides: its mode. x are dynamic accelerations acc_D and y the
+forces of the held rows; M is the inertia matrix.
 """
 
 from __future__ import annotations

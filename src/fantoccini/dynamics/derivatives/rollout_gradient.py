@@ -8,6 +8,10 @@ to x_k, including its effect on all later states:
 The Jacobians of f are never formed: each step needs one solution with the transposed matrix of its
 own equations (``derivatives/rollout_gradient.hpp``). Contact points with a force keep their mode,
 sticking or sliding, as in :mod:`fantoccini.dynamics.derivatives.step_partials`.
+
+A rollout is a run of n steps. x_k is the state before step k, a_k are the driven accelerations in
+it, u_k user forces, and p parameters. q_D and q_K are dynamic and driven coordinates. A winch
+changes the length of a string. A node is a state from which a time step begins.
 """
 
 from __future__ import annotations

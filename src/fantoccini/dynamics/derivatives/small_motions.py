@@ -9,6 +9,9 @@ C has the rows A_D of held strings and limits, then those of touching points; C_
 for the driven velocities v_K.
 r_q is the derivative of gravity, springs, C^T tension and the forces of contact, so it includes
 the stiffness from tension.
+
+A row is a string or a joint limit; A_D are its derivatives by the dynamic coordinates q_D, M is the
+inertia matrix, q_K are the driven coordinates, and eta the free coordinates of the motion.
 """
 
 from __future__ import annotations

@@ -2,6 +2,10 @@
 
 Its result adds the contacts by name: the points that push, their modes, the changes of their
 forces, and contacts between two modes.
+
+acc_K are the accelerations of the driven coordinates q_K, q_D the dynamic coordinates. A row is a
+string or a joint limit; the taut ones are the active set. Slip is the length of string that a winch
+lets out at its largest tension. The gap of two solids is their distance, negative in an overlap.
 """
 
 from __future__ import annotations

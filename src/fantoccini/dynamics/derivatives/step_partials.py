@@ -10,6 +10,11 @@ with contacts in their modes (``contact_rows``), are differentiated with M, A an
 start. It is the first step of a stepper: later in a run c takes its velocity products half a step
 ahead, extrapolated from earlier steps, which are not part of a state. That changes dv+ by dt^2/2
 times the products' derivatives.
+
+q_D are dynamic and q_K driven coordinates (ends and lengths of strings), v_D and v_K their
+velocities, acc_K driven accelerations. Lambda are the impulses of rows, that is, strings and
+limits. A winch changes the length of a string; slip is the length that it lets out at its largest
+tension.
 """
 
 from __future__ import annotations

@@ -8,6 +8,9 @@ end (``cpp/fantoccini/variational/step.hpp``, ``variational/node.hpp``):
 
 The first line gives xi and Lambda, the second the velocity at the end and mu. A step that was
 divided into parts solves neither, and is not settled.
+
+xi is the move of q_D in a step, p_k and p_k+1 are the momenta at its start and end. q_D are dynamic
+and q_K driven coordinates; a row is a string or a joint limit, and A_D its derivatives by q_D.
 """
 
 from __future__ import annotations

@@ -1,4 +1,9 @@
-"""States of rest: projection, relaxation, descent; vibration modes; plausibility."""
+"""States of rest: projection, relaxation, descent; vibration modes; plausibility.
+
+V is the potential energy. A row is a string or a joint limit with its gap h <= 0 (path length minus
+string length); it is taut if h = 0. q_D are the dynamic coordinates, which a search moves, and q_K
+the driven ones, which it keeps: ends and lengths of strings, driven joints.
+"""
 
 from fantoccini.dynamics.equilibrium import equilibrium, initial_state, projection
 from fantoccini.dynamics.equilibrium.initial_state import Values

@@ -8,6 +8,10 @@ identity,
 
 with H the Hessian of V and |H| the same with the absolute values of its eigenvalues, so that a step
 descends at a saddle as well; mu grows where V did not fall and shrinks where it did.
+
+V is the potential energy and -w0 its gradient in y, without strings; h are the gaps of rows
+(strings and limits), and W^T their derivatives. q_D are the dynamic coordinates. In names, K stands
+for driven coordinates: ends and lengths of strings, driven joints.
 """
 
 from __future__ import annotations
@@ -49,7 +53,7 @@ class Descent:
     near_gap: float = 0.05  # Relative -h of rows that a step may reach
     min_move: float = 1e-12  # Move below which a puppet rests
     max_distance: float = 100.0  # Move from which the puppet has no equilibrium
-    max_flat_fall: float = 1e-15  # Fall of V on flat ground, over the puppet's weight [m]
+    max_flat_fall: float = 1e-15  # Fall of V on flat ground, divided by the puppet's weight [m]
     rounding: float = 1e-14  # Rounding error of V, a sum over all links and springs, relative to V
     max_stalls: int = 3  # Maximum number of moves with flat V and no smaller forces
     min_growth_rate: float = 1e-9

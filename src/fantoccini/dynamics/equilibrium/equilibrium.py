@@ -1,4 +1,12 @@
-"""Rest: a hanging equilibrium, by relaxation, settling or descent."""
+"""Rest: a hanging equilibrium, by relaxation, settling or descent.
+
+V is the potential energy, h the gap of a string (path length minus string length, at most 0), and a
+row a string or a joint limit. q_D and v_D are the dynamic coordinates and velocities, q_K and v_K
+the driven ones: ends and lengths of strings, driven joints. Slip is the length of string that a
+winch lets out at its largest tension. A taut string pulls, a slack one does not. With the inertia
+matrix M_DD = F^T F, w0 = F^-T f are the scaled forces f without strings, and W = F^-T A_D^T those
+of unit tensions.
+"""
 
 from __future__ import annotations
 
@@ -27,13 +35,13 @@ from fantoccini.motion import State
 
 @dataclass(frozen=True)
 class Acceptance:
-    """Acceptance bounds of an equilibrium, and effort for a start."""
+    """Acceptance bounds of an equilibrium, and bounds of the search for a start."""
 
     max_force: float = 1e-9  # Unbalanced force at rest, relative to the weight
     max_force_of_chains: float = 1e-6
     """Unbalanced force of puppets on chains, whose stiff springs cause more rounding."""
     max_rise: float = 1e-9
-    """Rise of V above the start that counts as rounding, over the puppet's weight [m]."""
+    """Rise of V above the start that counts as rounding, divided by the puppet's weight [m]."""
     max_hauls: int = 20  # Maximum number of time-stepping runs that haul in strings
 
 
@@ -43,16 +51,17 @@ ACCEPTANCE = Acceptance()
 def rest(marionette: CompiledPuppet, x: State) -> State:
     """A local minimum of V subject to h <= 0, near a state; see :meth:`Marionette.rest`.
 
-    The puppet is brought onto its strings and relaxed (:mod:`.relaxation`). If that fails, or it
-    would overlap another solid, a puppet with contact is let go until it rests (:mod:`.settling`).
+    The puppet is moved until its strings reach, and relaxed (:mod:`.relaxation`). If that fails,
+    or it would overlap another solid, a puppet with contact is let go until it rests
+    (:mod:`.settling`).
     Otherwise, and first for puppets on chains, V is descended (:mod:`.descent`). Results of
     relaxation and descent are accepted if forces balance, no row is violated and V is not above
     the start. Neutral coordinates, such as a load's angle about its string, keep their values in
     ``x``.
 
     Raises:
-        StateError: there is no equilibrium below, none was found, or a winch would slip in it; the
-            message has the reason for each search.
+        StateError: nothing holds a part of the puppet, no equilibrium was found, or a winch would
+            slip in it; the message has the reason for each search.
     """
     if groups := unsupported_groups(marionette):
         raise StateError(
@@ -102,7 +111,7 @@ def _settled(marionette: CompiledPuppet, start: State, requested: State) -> Stat
     try:
         return balanced_state(marionette, settled(marionette, start))
     except StateError:
-        check_apart(marionette, marionette.states([start]))  # the likelier reason
+        check_apart(marionette, marionette.states([start]))  # the likelier reason of the failure
         raise
 
 
@@ -119,7 +128,7 @@ def _accepted_state(marionette: CompiledPuppet, start: State, resting_point: Equ
 
 
 def _moved_onto_rows(marionette: CompiledPuppet, x: State) -> State:
-    """The state brought onto its rows, with time-stepping if their slopes do not lead there."""
+    """The state moved until no row is violated, with time-stepping if gradients fail."""
     start, remaining = moved_onto_rows(marionette, x)
     for _ in range(ACCEPTANCE.max_hauls if remaining else 0):
         x = relaxation.pulled_towards_rows(marionette, x)

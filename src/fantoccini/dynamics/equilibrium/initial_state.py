@@ -1,4 +1,10 @@
-"""States at rest from values by name."""
+"""States at rest from values by name.
+
+q_D are the dynamic coordinates and q_K the driven ones (ends and lengths of strings, driven
+joints). A drive moves a dynamic coordinate by a motor towards its command, which is then the driven
+one. A row of the tree describes a string, limit, spring or drive, a row of the coordinate table one
+coordinate.
+"""
 
 from __future__ import annotations
 

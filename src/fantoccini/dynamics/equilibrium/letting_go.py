@@ -1,4 +1,8 @@
-"""Time-stepping runs of a puppet that is let go, with its inputs held."""
+"""Time-stepping runs of a puppet that is let go, with its inputs held.
+
+A winch changes the length of a string, and slips at its largest tension. In names, K stands for
+driven coordinates: ends and lengths of strings, driven joints.
+"""
 
 from __future__ import annotations
 

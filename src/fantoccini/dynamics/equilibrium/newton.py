@@ -2,6 +2,11 @@
 
 Forces balance over the pulling rows, whose gaps are zero. Rows that push are released, and violated
 rows are held. Relaxation (:mod:`.relaxation`) and descent (:mod:`.descent`) give the start.
+
+A row is a string or a joint limit with its gap h <= 0; it pulls if its tension tau is above 0. -w0
+is the gradient of the potential energy V by a move, and W tau the pull of the rows. In names, D
+stands for dynamic coordinates, which move by the equations of motion, and K for driven ones: ends
+and lengths of strings, driven joints.
 """
 
 from __future__ import annotations
@@ -35,7 +40,7 @@ class Newton:
     move_rounding: float = 1e-15  # Move of Newton's method that counts as rounding
     pushes: tuple[float, ...] = (0.05, 0.01, 0.002)
     """Sizes of the pushes off an unstable equilibrium, as their largest parts."""
-    potential_fall: float = 1e-12  # Fall of V above rounding, over the puppet's weight [m]
+    potential_fall: float = 1e-12  # Fall of V above rounding, divided by the puppet's weight [m]
     max_turn_rounds: int = 12  # Rounds of :func:`nearest_to_requested`
     turn_rounding: float = 1e-13  # Turn that counts as rounding
     max_neutral_stiffness: float = 1e-6

@@ -2,6 +2,12 @@
 
 The ranges are wide, from a finger puppet to a crane. They catch mixed-up units (millimetres,
 g/cm^3, degrees without their unit), which are wrong by factors from 57 to a billion.
+
+q_K are the driven coordinates: ends and lengths of strings, driven joints. A twin is the mirror
+image of a part. A marionette is a puppet with its compiled equations; `marionette.puppet` is the
+description in its file. In names, D stands for dynamic coordinates, which move by the equations of
+motion. Breaks are the times at which the pieces of an input meet. A row of the tree describes a
+string, limit, spring or drive, a row of the coordinate table one coordinate.
 """
 
 from __future__ import annotations
@@ -46,7 +52,7 @@ class UsualRanges:
     """Slack of a string in the start pose, over its path or the puppet's size."""
     density_in_grams: Range = (0.05, 5.0)  # Usual densities as numbers in g/cm^3
 
-    max_reach: float = 5.0  # Distance from the start, over the size of the puppet on its strings
+    max_reach: float = 5.0  # Distance from the start, relative to the puppet's size with strings
     max_speed: float = 10.0  # Speed of a hand or winch [m/s]; a throwing hand reaches 10 to 20
     max_angular_speed: float = 100.0  # Angular speed [rad/s]: 1,000 turns a minute
     max_turns: float = 4.0  # Turns from one waypoint to the next

@@ -9,6 +9,11 @@ one-sided in every round: corrected rows can open later.
    straight limb that is pulled along itself has zero slope and cannot move otherwise.
 3. Along the rows towards the given configuration q_0: min |q + dq - q_0|_M with h + A dq <= 0,
    completed by Newton's method on M (q - q_0) + A^T y = 0 and h = 0 of the rows with y > 0.
+
+q and dq are the dynamic coordinates q_D and their changes. A row is a string or a joint limit with
+its gap h <= 0, A are the derivatives of h, and |dq|_M^2 = dq^T M dq with the inertia matrix M. In
+names, K stands for driven coordinates: ends and lengths of strings, driven joints. A taut string
+pulls, a slack one does not.
 """
 
 from __future__ import annotations

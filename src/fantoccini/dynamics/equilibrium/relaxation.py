@@ -3,6 +3,11 @@
 The puppet is let go and stopped whenever its kinetic energy peaks, until it hardly moves. Newton's
 method then refines the equilibrium to rounding. An unstable one is left with a push, and the search
 continues.
+
+q_D are the dynamic coordinates of the puppet. A drive moves a coordinate by a motor; the poles of a
+stepper motor are the positions at which it may stand for one command. In names, K stands for driven
+coordinates: ends and lengths of strings, driven joints. A row of the tree describes a string,
+limit, spring or drive, a row of the coordinate table one coordinate.
 """
 
 from __future__ import annotations
@@ -39,7 +44,7 @@ class RelaxationBounds:
     max_rest_distance: float = 1e-6
     """Distance up to which the puppet is at an equilibrium instead of passing it, and the largest
     acceleration there."""
-    max_drive_move: float = 0.1  # Move from which a drive gives way
+    max_drive_move: float = 0.1  # Move from which a drive counts as too weak
     max_distance: float = 100.0  # Move from which the puppet has no equilibrium
     max_restarts: int = 8  # Restarts from unstable equilibria
     min_growth_rate: float = 1e-6

@@ -1,4 +1,7 @@
-"""Rest with contact: the puppet is let go on floor and props until it is still."""
+"""Rest with contact: the puppet is let go on floor and props until it is still.
+
+q_D are the dynamic coordinates and v_D their velocities; the inputs are the driven coordinates.
+"""
 
 from __future__ import annotations
 

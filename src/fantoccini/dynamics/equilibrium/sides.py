@@ -2,6 +2,8 @@
 
 A part is paired with another if a word in its name, ``left``, is replaced by ``right`` there; in a
 file with a mirror, the words are the mirror's.
+
+A twin is the mirror image of a body, joint or string. A member is a puppet of a scene.
 """
 
 from __future__ import annotations
@@ -32,7 +34,7 @@ def side_findings(
         tree: its tree, with twins.
         poses: (n_links, 3, 4) poses of the links in the file's pose.
         size: size of the puppet [m].
-        number: value of a number of the puppet.
+        number: function from a number of the file, or its parameter, to the value.
     """
     mirror = puppet.mirror
     words = _SIDE_WORDS if mirror is None else (mirror.from_, mirror.to)
@@ -59,7 +61,7 @@ def _centres(tree: Tree, poses: Array, number: Callable[[Number], float]) -> dic
 def _twin_findings(
     puppet: Puppet, words: tuple[str, str], centres: dict[str, Array], size: float
 ) -> Iterator[Finding]:
-    """Twins that lie in one another, and those whose sides are the other way round."""
+    """Twins that overlap, and twins on the side opposite to their names."""
     offsets: dict[str, dict[int, Array]] = {}  # by member of a scene: each faces its own way
     for i, body in enumerate(puppet.bodies):
         member, dot, part_name = body.name.rpartition(".")

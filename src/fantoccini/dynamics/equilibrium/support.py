@@ -2,6 +2,10 @@
 
 Strings, springs, solids that may touch, and joints connect bodies, except joints that are free
 along gravity. Bodies not connected to the world fall for ever.
+
+A link is a body on its joint, and a root the first link of a tree of bodies. A marionette is a
+puppet with its compiled equations; `marionette.puppet` is the description in its file. A member is
+a puppet of a scene.
 """
 
 from __future__ import annotations

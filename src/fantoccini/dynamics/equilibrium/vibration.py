@@ -4,6 +4,11 @@ With the small motions of :mod:`.small_motions`, etaddot + D etadot + K eta = F,
 eta = phi exp(s t) with (s^2 + s D + K) phi = 0. K and D are not symmetric if drives compute
 torques, which have no potential, or if solids roll. Forces then act through psi with
 psi^T (s^2 + s D + K) = 0.
+
+eta are the free coordinates of a small motion, and phi is the shape of a mode. q_K are the driven
+coordinates, v_K and acc_K their velocities and accelerations. In names, D stands for dynamic
+coordinates, which move by the equations of motion. A row is a string or a joint limit with its gap
+h <= 0.
 """
 
 from __future__ import annotations

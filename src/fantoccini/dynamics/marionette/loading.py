@@ -1,4 +1,7 @@
-"""Marionettes from files and texts."""
+"""Marionettes from files and texts.
+
+A marionette is a puppet with its equations and its compiled library.
+"""
 
 from __future__ import annotations
 

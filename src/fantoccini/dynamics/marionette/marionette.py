@@ -1,4 +1,9 @@
-"""Marionette: the public class of a puppet's model, with the algorithms that use it."""
+"""Marionette: a puppet with its equations and compiled library, and the algorithms that use it.
+
+In names, D stands for dynamic coordinates, which move by the equations of motion, and K for driven
+ones: ends and lengths of strings, driven joints. h is the gap of a string, path length minus string
+length; hdot and hddot are its rates.
+"""
 
 from __future__ import annotations
 

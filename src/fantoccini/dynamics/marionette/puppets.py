@@ -1,6 +1,8 @@
 """The puppets and scenes that come with fantoccini: ``fan.puppets.arm2d()`` is a marionette.
 
 Every function has the arguments of :func:`fantoccini.load` except the path.
+
+A scene may contain several puppets.
 """
 
 from __future__ import annotations

@@ -1,4 +1,8 @@
-"""A puppet as MJCF, and its run in MuJoCo."""
+"""A puppet as MJCF, and its run in MuJoCo.
+
+MJCF is the XML format of the simulator MuJoCo. A wire is a string that also pushes. q_D are the
+dynamic coordinates and q_K the driven ones: ends and lengths of strings, driven joints.
+"""
 
 from fantoccini.dynamics.mujoco.joints import Joint, all_joints
 from fantoccini.dynamics.mujoco.mjcf_model import mjcf

@@ -1,4 +1,8 @@
-"""MuJoCo's joints for a puppet's coordinates, and the pose of a link in its parent."""
+"""MuJoCo's joints for a puppet's coordinates, and the pose of a link in its parent.
+
+A link is a body on its joint. A driven length is given as a function of time; a winch changes it.
+In names, D stands for dynamic coordinates, which move by the equations of motion.
+"""
 
 from __future__ import annotations
 
@@ -90,7 +94,7 @@ def pose_in_parent(link: Link, q: Array, number: Callable[[Number], float]) -> t
     Args:
         link: the link.
         q: configuration of its joint; empty for the joint frame itself.
-        number: callback for the value of a number of the puppet.
+        number: function from a number of the file, or its parameter, to the value.
     """
     R, r = link.rotation, np.array([number(x) for x in link.offset])
     if not len(q):

@@ -15,6 +15,12 @@ lacks have exact equivalents:
 A driven coordinate is a joint so heavy that only the force applied to it moves it. Contacts,
 obstacles and the floor are left out, as in fantoccini's simulations. Anything else that MuJoCo
 cannot model is an error.
+
+q_D are the dynamic coordinates and q_K the driven ones, given as functions of time. A twist is the
+rotation about the joint's own axis. A marionette is a puppet with its compiled equations;
+`marionette.puppet` is the description in its file. A winch changes the length of a string. A drive
+moves a coordinate by a motor towards its command. A row of the tree describes a string, limit,
+spring or drive, a row of the coordinate table one coordinate.
 """
 
 from __future__ import annotations
@@ -59,7 +65,7 @@ class Substitutes:
     forces accelerate it by about a millionth of the puppet's own accelerations."""
     puppet_mass: float = 1.0  # Mass used for a massless puppet in driven_inertia [kg]
     min_mass: float = 1e-12  # Mass of a massless moving body [kg]: MuJoCo refuses 0
-    min_moment: float = 1e-14  # Moments of inertia of such a body [kg m^2], likewise
+    min_moment: float = 1e-14  # Moments of inertia of a massless moving body [kg m^2]
     twist_length: float = 3.0
     """Largest length of a twist's tendon before its first update [m]: more than the distance of any
     two points 1 m from the joint, so that the limit does not act."""

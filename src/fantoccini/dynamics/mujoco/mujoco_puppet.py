@@ -1,4 +1,8 @@
-"""A puppet in MuJoCo: its model and data, indexed by the puppet's coordinates."""
+"""A puppet in MuJoCo: its model and data, indexed by the puppet's coordinates.
+
+q_D are the dynamic coordinates and q_K the driven ones: ends and lengths of strings, driven joints.
+A wire is a string that also pushes, and a twist the rotation of a ball joint about its own axis.
+"""
 
 from __future__ import annotations
 

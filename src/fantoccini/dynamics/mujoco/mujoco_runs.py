@@ -1,4 +1,10 @@
-"""Simulation in MuJoCo, returned as a trajectory."""
+"""Simulation in MuJoCo, returned as a trajectory.
+
+q_D are the dynamic coordinates and q_K the driven ones (ends and lengths of strings, driven
+joints), v and acc their rates. The ledger is the table of energies and work, and breaks are the
+times at which pieces of an input meet. A row of the tree describes a string, limit, spring or
+drive, a row of the coordinate table one coordinate.
+"""
 
 from __future__ import annotations
 
@@ -14,11 +20,11 @@ from fantoccini.dynamics.mujoco.mujoco_puppet import MuJoCoPuppet
 from fantoccini.motion import LEDGER, SAME_TIME, Columns, Input, State, Trajectory
 
 _STEP_ROUNDING = 1e-6
-"""Excess over a whole number of steps, in steps, that counts as rounding and adds no step."""
+"""Remainder beyond a whole number of steps that is rounding, and adds no step [steps]."""
 
 
 class _Motion(NamedTuple):
-    """Leading fields of a trajectory, in its order, with a sample per step."""
+    """The first fields of a trajectory, in the same order, with a sample per step."""
 
     t: Times
     q_D: ConfigD
@@ -41,18 +47,18 @@ def mujoco_run(
 
     Driven coordinates are set at every step; within a step their accelerations and the user forces
     are constant. Strings and limits are soft: ``violation`` shows how far they give. The trajectory
-    has no events, and nan for losses and work in the ledger.
+    has no events; its ledger, the table of energies, has nan for losses and work.
 
     Args:
         marionette: the puppet.
         x0: start state.
-        inputs: motion of the driven coordinates, and user forces; steps end at their breaks.
+        inputs: motion of the driven coordinates, and user forces; steps end at the inputs' breaks.
         t_end: end of the run [s].
         dt: length of the longest step [s].
         text: MJCF text; see :class:`MuJoCoPuppet`.
 
     Returns:
-        The trajectory with a sample per step; it ends before the first that is not finite.
+        The trajectory with a sample per step; it ends before the first sample that is not finite.
 
     Raises:
         ExchangeError: MuJoCo cannot model a part of the puppet.

@@ -5,6 +5,8 @@ between two points 1 m from the joint's centre, a right angle apart about the ax
 the rate sqrt(1/2) g.w, with w the joint's angular velocity. An update sets g along J, where
 hdot = J w, and the largest length to the present one minus sqrt(1/2) h/|J|. Then the tendon limits
 the twist like the row h <= 0, to first order in the angle of a step.
+
+A twist is the rotation of a ball joint about its own axis, and h <= 0 the condition of its limit.
 """
 
 from __future__ import annotations

@@ -1,4 +1,11 @@
-"""simulate: a marionette, a start state and inputs -> Trajectory; sensitivity: its derivatives."""
+"""simulate: a marionette, a start state and inputs -> Trajectory; sensitivity: its derivatives.
+
+q_D are the dynamic coordinates and q_K the driven ones (ends and lengths of strings, driven
+joints), v and acc their velocities and accelerations. A row is a string or a joint limit, and the
+taut rows are the active set. At a catch a slack string becomes taut, with an impulse; the saltation
+matrix maps a change of the state before such an event to the change after it. Breaks are the times
+at which the pieces of an input meet.
+"""
 
 from fantoccini.dynamics.simulation.batch import simulate_batch
 from fantoccini.dynamics.simulation.effort_of_contacts import contact_effort

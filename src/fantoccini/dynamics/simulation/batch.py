@@ -1,4 +1,10 @@
-"""Many runs at once: states x inputs -> Trajectories."""
+"""Many runs at once: states x inputs -> Trajectories.
+
+Lanes are runs that the vector unit of the processor advances together. q_D and q_K are the dynamic
+and driven coordinates; slip is the length that a winch has let out, and a ledger a table of
+energies and work. A taut string pulls, a slack one does not. Breaks are the times at which the
+pieces of an input meet.
+"""
 
 from __future__ import annotations
 

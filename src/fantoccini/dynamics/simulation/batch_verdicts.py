@@ -1,4 +1,8 @@
-"""The verdicts on the runs of a batch."""
+"""The verdicts on the runs of a batch.
+
+A ledger is the table of energies and work of a run. q_D are the dynamic and q_K the driven
+coordinates.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,11 @@
-"""Catches of strings and limits: the rows that an impulse strikes and holds."""
+"""Catches of strings and limits: the rows that an impulse strikes and holds.
+
+A row is a string or a joint limit; at a catch it becomes taut, with an impulse. A saltation
+describes how small changes of the state pass this event, and a wire is a string that also pushes.
+In names, D stands for dynamic coordinates, which move by the equations of motion, and K for driven
+ones: ends and lengths of strings, driven joints. h is the gap of a string, path length minus string
+length; hdot and hddot are its rates.
+"""
 
 from __future__ import annotations
 

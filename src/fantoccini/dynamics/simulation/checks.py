@@ -1,4 +1,7 @@
-"""Validation of arguments that single runs and batches share."""
+"""Validation of arguments that single runs and batches share.
+
+A batch is many runs of one puppet over the same time.
+"""
 
 from __future__ import annotations
 

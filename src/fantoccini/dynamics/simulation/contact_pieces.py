@@ -2,6 +2,10 @@
 
 A run's samples end its steps. If only some points of two parts change their modes, there is no
 second sample at that time; so the modes of each step are derived from the points at its end.
+
+A contact point is open, sticks or slides: its mode. q_D are the dynamic and q_K the driven
+coordinates; acc_K are the driven accelerations. A twist is a velocity of a link, linear and
+angular; a screw is the twist per unit of one joint velocity.
 """
 
 from __future__ import annotations

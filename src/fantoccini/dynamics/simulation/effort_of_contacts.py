@@ -1,4 +1,10 @@
-"""Contribution of contacts to the force on every driven coordinate."""
+"""Contribution of contacts to the force on every driven coordinate.
+
+Driven coordinates q_K are ends and lengths of strings and driven joints; the effort is the force
+that the hand exerts on them. In names, D stands for dynamic coordinates, which move by the
+equations of motion. A link is a body on its joint. A twist is a velocity of a link, linear and
+angular; a screw is the twist per unit of one joint velocity.
+"""
 
 from __future__ import annotations
 

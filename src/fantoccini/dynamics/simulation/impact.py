@@ -1,4 +1,11 @@
-"""Impacts of solids: points and rows with an impulse, or held after it."""
+"""Impacts of solids: points and rows with an impulse, or held after it.
+
+A row is a string or a joint limit. A saltation describes how small changes of the state pass an
+impulse; v_D are the dynamic velocities. In names, K stands for driven coordinates: ends and lengths
+of strings, driven joints. h is the gap of a string, path length minus string length; hdot and hddot
+are its rates. A twist is a velocity of a link, linear and angular; a screw is the twist per unit of
+one joint velocity.
+"""
 
 from __future__ import annotations
 

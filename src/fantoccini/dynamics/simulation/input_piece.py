@@ -1,4 +1,10 @@
-"""Inputs over smooth pieces of a run, and their variations."""
+"""Inputs over smooth pieces of a run, and their variations.
+
+A variation is a small change. q_K are the driven coordinates (ends and lengths of strings), v_K and
+acc_K their rates; breaks are the times at which pieces of an input meet, and `coef` the
+coefficients of these polynomials. In names, D stands for dynamic coordinates, which move by the
+equations of motion.
+"""
 
 from __future__ import annotations
 

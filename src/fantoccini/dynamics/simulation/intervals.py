@@ -5,6 +5,10 @@ Over interval i, in which driven coordinates have constant accelerations,
     z_{i+1} = A_i z_i + B_i dacc_K + C_i dp,   z = (dq_D, dv_D, dq_K, dv_K)
 
 with the saltation matrices of the events in it.
+
+z is a change of the state: of dynamic coordinates and velocities (D), then of driven ones (K: ends
+and lengths of strings); acc_K are the driven accelerations and p the parameters. A saltation matrix
+maps changes before an event to those after it; breaks are the ends of intervals.
 """
 
 from __future__ import annotations

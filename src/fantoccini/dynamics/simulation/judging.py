@@ -1,4 +1,8 @@
-"""Verdict on a run of fixed steps that reached its end, with the reason in words."""
+"""Verdict on a run of fixed steps that reached its end, with the reason in words.
+
+The ledger is the table of energies and work of a run. A row is a string or a joint limit; q_D and
+q_K are the dynamic and driven coordinates.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""The pace of a run: computing time per motion, and the causes of short steps."""
+"""The pace of a run: computing time per motion, and the causes of short steps.
+
+The pace is bad if a second of motion takes long to compute.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,10 @@
-"""simulate: a marionette, a start state and inputs -> Trajectory."""
+"""simulate: a marionette, a start state and inputs -> Trajectory.
+
+The equation of motion is that of the dynamic coordinates (D), driven by the others (K: ends and
+lengths of strings, driven joints). A row is a string or a joint limit; slip is the length that a
+winch has let out. A taut string pulls, a slack one does not. The ledger is the table of energies
+and work.
+"""
 
 from __future__ import annotations
 

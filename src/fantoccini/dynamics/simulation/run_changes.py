@@ -1,4 +1,10 @@
-"""Small changes along an event-driven run: its smooth pieces, and the events between them."""
+"""Derivatives along an event-driven run: over its smooth pieces, and through events.
+
+A change is here a derivative, as of the state with respect to a parameter. q_D and v_D are the
+dynamic coordinates and velocities, q_K and v_K the driven ones. At a catch, a slack string becomes
+taut. Slip is the length of string that a winch lets out at its largest tension. Breaks are the
+times at which the pieces of an input meet.
+"""
 
 from __future__ import annotations
 
@@ -33,7 +39,7 @@ class Tolerances:
     """Smallest change of velocity that counts as an impulse, relative to max(1, |v|)."""
     stop: float = 1e-8
     """Largest change of velocity at the stop of a sliding point, relative to max(1, |v|)."""
-    time: float = 1e-12  # Distance of times that count as equal [s]
+    time: float = 1e-12  # Largest distance of times that count as equal [s]
 
 
 TOLERANCES = Tolerances()
@@ -62,7 +68,7 @@ class DrivenChanges(Protocol):
     Attributes:
         inputs: inputs of the run.
         breaks: times at which inputs or their changes are not smooth [s].
-        columns: number of changes m: of the state, the parameters and the inputs.
+        columns: number m of changes: of the state, the parameters and the inputs together.
     """
 
     inputs: Input
@@ -182,7 +188,7 @@ class RunChanges:
         return Z
 
     def _is_struck(self, i: int, catches: bool = True) -> bool:
-        """Whether solids, or rows if ``catches``, strike at the time of sample i."""
+        """Whether solids touch, or with ``catches`` strings become taut, at sample i."""
         t = float(self.run.t[i])
         return t in self._times[EventKind.TOUCH] or (catches and t in self._times[EventKind.CATCH])
 
@@ -201,7 +207,7 @@ class RunChanges:
             return Z
         run, marionette = self.run, self.marionette
         if np.min(np.abs(self._inputs.breaks - run.t[i])) <= TOLERANCES.time:
-            return Z  # the inputs fix this time
+            return Z  # the inputs determine this time
         x, u_D = run.state(i), self._force(run.t[i])
         before, after = (
             (self._taut_rows(k), held_points)
@@ -229,7 +235,7 @@ class RunChanges:
         return np.array(self._inputs.evaluate_force(clipped))
 
     def _taut_rows(self, i: int) -> Indices:
-        """Indices of the rows that are taut from sample i on."""
+        """Indices of the rows that are taut just after sample i."""
         run = self.run
         is_taut = np.concatenate([run.taut.values[i], run.limit_force.values[i] > 0.0])
         return np.flatnonzero(is_taut | self.marionette.two_sided)

@@ -1,4 +1,8 @@
-"""sensitivity: derivatives of a run with respect to its start state, parameters and inputs."""
+"""sensitivity: derivatives of a run with respect to its start state, parameters and inputs.
+
+q_D and v_D are the dynamic coordinates and velocities, q_K and v_K the driven ones, x0 is the start
+state, and p the parameters. A taut string pulls, a slack one does not.
+"""
 
 from __future__ import annotations
 

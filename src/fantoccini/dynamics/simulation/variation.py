@@ -7,6 +7,9 @@ active set fixed:
 
 At a release Z is continuous; at a catch it jumps: :mod:`fantoccini.dynamics.simulation.saltation`.
 Contact points keep their modes between events, too.
+
+q_D are the dynamic and q_K the driven coordinates, v and acc their rates, and w the angular
+velocity of a body. A row is a string or a joint limit; the held ones are the active set.
 """
 
 from __future__ import annotations

@@ -1,4 +1,11 @@
-"""Message about drives that lost steps or ran away: loads, and torques of their motors."""
+"""Message about drives that lost steps or ran away: loads, and torques of their motors.
+
+A drive moves a coordinate by a motor towards its command. It loses steps if a stepper motor lags
+too far, and runs away if its load moves it far from its commands. In names, D stands for dynamic
+coordinates, which move by the equations of motion, and K for driven ones: ends and lengths of
+strings, driven joints. A taut string pulls, a slack one does not. A row of the tree describes a
+string, limit, spring or drive, a row of the coordinate table one coordinate.
+"""
 
 from __future__ import annotations
 

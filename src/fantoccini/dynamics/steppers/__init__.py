@@ -1,4 +1,10 @@
-"""Steppers: runs advanced step by step; correction of start states with small overlaps."""
+"""Steppers: runs advanced step by step; correction of start states with small overlaps.
+
+A ledger is the table of energies and work of a run. Lanes are runs that the vector unit of the
+processor advances together. q_D are the dynamic and q_K the driven coordinates (ends and lengths of
+strings), v and acc their rates; a row is a string or a joint limit, and the taut rows are the
+active set.
+"""
 
 from fantoccini.dynamics.steppers.determinacy import ForceSamples, force_names, undetermined
 from fantoccini.dynamics.steppers.ledgers import ledger_of, ledgers_of_terms

@@ -9,6 +9,12 @@ acceleration changes x by
 
 An effort, E x, is uncertain in the same way. Redundant contact points share forces arbitrarily as
 well; this matters only if a tension or effort takes part.
+
+The effort is the force of the hand on a driven coordinate. A_D are the derivatives of string gaps
+by the dynamic coordinates, n_vD and n_vK the numbers of dynamic and driven velocities. h is the gap
+of a string, path length minus string length; hdot and hddot are its rates. A winch changes the
+length of a string; slip is the length that it lets out at its largest tension. A twist is a
+velocity of a link, linear and angular; a screw is the twist per unit of one joint velocity.
 """
 
 from __future__ import annotations

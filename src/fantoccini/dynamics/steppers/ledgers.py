@@ -1,4 +1,8 @@
-"""Ledgers: energies, work and losses, from the energy terms of runs."""
+"""Ledgers: energies, work and losses, from the energy terms of runs.
+
+A ledger has the columns kinetic and potential energy, work, losses, and the residual that remains
+of their balance. Slip is the length of string that a winch lets out at its largest tension.
+"""
 
 from __future__ import annotations
 

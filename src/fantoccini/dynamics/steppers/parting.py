@@ -3,6 +3,11 @@
     min |dq|_M   with   gap + d(gap)/dq dq >= 0,   h + A_D dq <= 0
 
 solved repeatedly, over all nearby contact points, strings and limits.
+
+gap is the distance of two solids, h the gap of a string (path length minus string length), A_D its
+derivatives by the dynamic coordinates q_D, and M the inertia matrix. In names, K stands for driven
+coordinates: ends and lengths of strings, driven joints. A row is a string or a joint limit with its
+gap h <= 0.
 """
 
 from __future__ import annotations

@@ -1,6 +1,10 @@
 """Overlaps of solids whose relative motion is prescribed by the inputs.
 
 Both solids follow the inputs, so no force acts between them; the overlap can only be measured.
+
+The gap of two solids is their distance, negative in an overlap. q_K are the driven coordinates,
+given by the inputs, and q_D the dynamic ones. Breaks are the times at which the pieces of an input
+meet. A link is a body on its joint.
 """
 
 from __future__ import annotations

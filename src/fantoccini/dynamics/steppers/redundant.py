@@ -7,6 +7,13 @@ self-stress, tensions y >= 0 that balance,
 
 no motion satisfies rows with y . hdot > 0, or y . hdot = 0 and y . hddot > 0. Integrators of rigid
 strings then give unbounded tensions, or tensions that only their own regularisation bounds.
+
+h is the gap of a string, path length minus string length, A_D and A_K its derivatives by the
+dynamic and the driven coordinates; v_K and acc_K are the driven velocities and accelerations, and a
+row is a string with its gap. A winch changes the length of a string; slip is the length that it
+lets out at its largest tension. A taut string pulls, a slack one does not. With the inertia matrix
+M_DD = F^T F, w0 = F^-T f are the scaled forces f without strings, and W = F^-T A_D^T those of unit
+tensions.
 """
 
 from __future__ import annotations

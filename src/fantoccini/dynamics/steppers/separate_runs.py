@@ -1,4 +1,9 @@
-"""Runs of a batch of steppers by methods without lanes: a stepper for each run, on threads."""
+"""Runs of a batch of steppers by methods without lanes: a stepper for each run, on threads.
+
+Lanes are runs that the vector unit of the processor advances together. acc_K are the accelerations
+of the driven coordinates. In names, D stands for dynamic coordinates, which move by the equations
+of motion.
+"""
 
 from __future__ import annotations
 

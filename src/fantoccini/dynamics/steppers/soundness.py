@@ -2,6 +2,10 @@
 
 Fixed steps never stop by themselves. A run is sound only if its rows hold and its energy has a
 source. Whole runs, batches and steppers are judged by the functions of this module.
+
+A row is a string or a joint limit. The ledger is the table of energies and work; its residual is
+the energy that it cannot account for. In names, D stands for dynamic coordinates, which move by the
+equations of motion, and K for driven ones: ends and lengths of strings, driven joints.
 """
 
 from __future__ import annotations

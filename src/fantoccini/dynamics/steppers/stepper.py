@@ -1,4 +1,9 @@
-"""Stepper: a run that is advanced piece by piece, for feedback and live control."""
+"""Stepper: a run that is advanced piece by piece, for feedback and live control.
+
+q_D are the dynamic coordinates and q_K the driven ones (ends and lengths of strings, driven
+joints); acc_K are the driven accelerations, and a row is a string or a joint limit. The ledger is
+the table of energies and work.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,10 @@
-"""StepperBatch: many runs that are advanced piece by piece, for learning and identification."""
+"""StepperBatch: many runs that are advanced piece by piece, for learning and identification.
+
+q_D are the dynamic coordinates and q_K the driven ones (ends and lengths of strings); slip is the
+length that a winch has let out. Lanes are runs that the vector unit of the processor advances
+together. A taut string pulls, a slack one does not. A row is a string or a joint limit with its gap
+h <= 0.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Status of a run: one decision for single runs, batches and steppers."""
+"""Status of a run: one decision for single runs, batches and steppers.
+
+A verdict is the status with which a run ends, and its reason in words.
+"""
 
 from __future__ import annotations
 

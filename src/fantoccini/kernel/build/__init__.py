@@ -2,6 +2,8 @@
 
 :func:`fingerprint` is the key, a hash of everything that can change the library. :func:`obtain`
 returns the library's folder, and derives and compiles only if the library is not in the cache.
+
+The cache is a folder of the user; an entry is the folder of one library in it.
 """
 
 from fantoccini.kernel.build.cache import clear, contents, obtain

@@ -3,6 +3,8 @@
 A library is built in a temporary folder and renamed, so that a killed build leaves no folder with
 an entry's name. With a lock, a second process waits for the first one instead of compiling the same
 library. Without locks both compile, and the entry is that of the first to finish.
+
+An entry is the folder of one library, and its key a hash of everything that can change it.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""The source files that a module depends on, and a hash of their code."""
+"""The source files that a module depends on, and a hash of their code.
+
+The closure of a module is the module, the modules that it imports, and so on.
+"""
 
 from __future__ import annotations
 

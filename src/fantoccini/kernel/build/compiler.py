@@ -2,6 +2,8 @@
 
 No other module starts a compiler. Commands are lists, never shell text, and contain nothing from a
 puppet file.
+
+A flag is an option of the compiler.
 """
 
 from __future__ import annotations

@@ -1,8 +1,11 @@
-"""Results that take seconds to compute, cached as lists of arrays.
+"""Cache of results that take seconds to compute, as lists of arrays.
 
 Convex pieces of meshes are in ``<cache>/<key[:2]>/<key>.npz``, other results in
 ``<cache>/results/<key[:2]>/<key>.npz``. Files are written under a temporary name and renamed;
 nothing is pickled.
+
+Pieces are convex parts of a mesh that is not convex. The key of a result is a hash of everything
+that can change it.
 """
 
 from __future__ import annotations
@@ -39,7 +42,7 @@ class ArrayStore:
         return cache_folder() / self.name
 
     def read(self, key: str) -> list[Array] | None:
-        """The arrays of a key; None if they are missing or damaged, or if others can write them."""
+        """The arrays of a key; None if they are missing, damaged, or writable by other users."""
         file = self._file(key)
         if self._distrusted(file.parent) or reason_for_distrust_of_entry(file.parent, [file.name]):
             return None
@@ -48,12 +51,12 @@ class ArrayStore:
                 arrays = [archive[f"arr_{i}"] for i in range(len(archive.files))]
         except npz.UNREADABLE:
             return None
-        with contextlib.suppress(OSError):  # a folder that can only be read
+        with contextlib.suppress(OSError):  # a read-only folder
             os.utime(file)  # the files used least recently are removed first
         return arrays
 
     def write(self, key: str, arrays: Sequence[Array]) -> None:
-        """Stores arrays, unless the folder cannot be used: they are then computed again."""
+        """Stores arrays; in a folder that cannot be used, nothing is stored."""
         file = self._file(key)
         if self._distrusted(file.parent):
             return

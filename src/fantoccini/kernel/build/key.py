@@ -1,4 +1,7 @@
-"""The key of a library: a hash of everything that can change it."""
+"""The key of a library: a hash of everything that can change it.
+
+A fingerprint is such a hash, in hexadecimal.
+"""
 
 from __future__ import annotations
 

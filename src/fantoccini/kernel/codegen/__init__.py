@@ -1,4 +1,8 @@
-"""Equations -> source text: of compiled libraries, and of exported C99."""
+"""Equations -> source text: of compiled libraries, and of exported C99.
+
+C99 is a version of the language C. A library is the compiled code of one puppet for one purpose,
+such as runs or derivatives.
+"""
 
 from fantoccini.kernel.codegen.c99 import c99_files
 from fantoccini.kernel.codegen.libraries import generate

@@ -2,6 +2,10 @@
 
 ``fan_model.c`` has no state and needs only a C99 compiler and its mathematics library;
 ``fan_model.h`` documents every function; ``example.c`` evaluates the model once.
+
+q_D are the dynamic coordinates and q_K the driven ones (ends and lengths of strings), v and acc
+their velocities and accelerations. With the inertia matrix M_DD = F^T F, w0 = F^-T f are the scaled
+forces f without strings, and W = F^-T A_D^T those of unit tensions.
 """
 
 from __future__ import annotations

@@ -1,4 +1,8 @@
-"""The source text of a puppet's libraries: generated functions with the runtime's C interfaces."""
+"""The source text of a puppet's libraries: generated functions with the runtime's C interfaces.
+
+Lanes are runs that the vector unit of the processor advances together. A link is a body on its
+joint.
+"""
 
 from __future__ import annotations
 

@@ -3,6 +3,10 @@
 A library consists of ``model.c`` and its pieces (the functions), ``model.hpp`` (sizes and index
 tables as constants) and ``main.cpp`` (the C interface). Pieces can be compiled separately, in
 parallel. The text depends on the equations only.
+
+A table is a constant array of indices, such as the parents of links. n_vD and n_vK are the numbers
+of dynamic and driven velocities; a row is a string or a joint limit. A drive moves a coordinate by
+a motor towards its command.
 """
 
 from __future__ import annotations

@@ -1,6 +1,10 @@
 """Names and units of the entries of a puppet's vectors, for the C99 header.
 
 Names from the user's file are data: :func:`shown` allows only harmless characters in comments.
+
+q_D and v_D are the dynamic coordinates and velocities, q_K and v_K the driven ones: ends and
+lengths of strings, driven joints. A link is a body on its joint. A row of the tree describes a
+string, limit, spring or drive, a row of the coordinate table one coordinate.
 """
 
 from __future__ import annotations

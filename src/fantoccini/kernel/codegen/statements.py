@@ -2,6 +2,8 @@
 
 CasADi's own generator adds an interface for programs that load the function. The elementary
 operations and their order are the same here, and therefore the results.
+
+An operation has one or two operands, and SX is a type of CasADi for expressions of such operations.
 """
 
 from __future__ import annotations

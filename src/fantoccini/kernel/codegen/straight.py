@@ -7,6 +7,8 @@ Inside a piece values are named constants.
 
 Slow operations are done once: a divisor of several quotients is inverted, a root in a denominator
 becomes an inverse root, and sine and cosine of an angle are computed together.
+
+Straight-line code has no loops and no branches.
 """
 
 from __future__ import annotations

@@ -3,6 +3,12 @@
 In every array of the contract the linear part of a spatial quantity comes before the angular part:
 velocities (v, w), wrenches (force, torque), free joints' velocities and configurations. Only inside
 ``equations`` motions and wrenches are pairs (angular, linear), in the link's frame.
+
+Names end in D for dynamic coordinates (q_D, v_D, acc_D), which move by the equations of motion, and
+in K for driven ones (q_K, v_K, acc_K), given as functions of time: ends and lengths of strings,
+driven joints. n_qD, n_vD, n_qK and n_vK are the numbers of coordinates and velocities. A row is a
+string or a joint limit with its gap h <= 0, of which there are n_rows. A winch changes the length
+of a string; its slip is the length that it has let out.
 """
 
 from fantoccini.kernel.contract.arguments import ARGUMENTS

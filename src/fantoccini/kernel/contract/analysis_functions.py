@@ -1,4 +1,9 @@
-"""Functions for analysis, which no library contains: CasADi's interpreter evaluates them."""
+"""Functions for analysis, which no library contains: CasADi's interpreter evaluates them.
+
+A_D and A_K are the derivatives of string gaps by the dynamic and the driven coordinates, M_DD is
+the inertia matrix, and acc_D are the dynamic accelerations. h is the gap of a string, path length
+minus string length; hdot and hddot are its rates.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""Every argument of the generated functions."""
+"""Every argument of the generated functions.
+
+D stands for dynamic coordinates, K for driven ones (ends and lengths of strings, driven joints);
+n_vD and n_vK are the numbers of their velocities.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Enumerations shared by Python and C++; ``errors.Status`` is another one."""
+"""Enumerations shared by Python and C++; ``errors.Status`` is another one.
+
+A row is a string or a joint limit; a winch changes the length of a string.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Thresholds and limits that Python and compiled code share."""
+"""Thresholds and limits that Python and compiled code share.
+
+A row is a string or a joint limit with its gap h <= 0, path length minus string length.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""The contract as C++: ``kernel/cpp/fantoccini/contract.hpp``."""
+"""The contract as C++: ``kernel/cpp/fantoccini/contract.hpp``.
+
+The contract declares the functions and structures that Python and C++ share.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,9 @@
-"""Structures of derivatives: of steps, and of smooth pieces of runs."""
+"""Structures of derivatives: of steps, and of smooth pieces of runs.
+
+D stands for dynamic coordinates (q_D, v_D), K for driven ones (q_K, v_K, acc_K); n_vD and n_vK are
+the numbers of velocities. Slip is the length that a winch has let out. The gap of two solids is
+their distance, negative in an overlap. A node is a state from which a time step begins.
+"""
 
 from __future__ import annotations
 

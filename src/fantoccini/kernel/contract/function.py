@@ -1,4 +1,8 @@
-"""A generated function: its arguments, its results and the libraries that contain it."""
+"""A generated function: its arguments, its results and the libraries that contain it.
+
+q_D and v_D are the dynamic coordinates and velocities, q_K and v_K the driven ones, and p the
+parameters.
+"""
 
 from __future__ import annotations
 

@@ -3,6 +3,11 @@
 To add a quantity, declare it here and derive it in ``equations/functions.py``. Signatures of the
 CasADi functions, callers in C++, named results in Python, the C99 header and ``docs/functions.md``
 are made from the entry.
+
+D stands for dynamic coordinates, K for driven ones (ends and lengths of strings, driven joints). h
+is the gap of a string, A_D and A_K are its derivatives, and n_rows counts strings and limits. A
+drive moves a coordinate by a motor towards its command. A twist is a velocity of a link, linear and
+angular; a screw is the twist per unit of one joint velocity.
 """
 
 from __future__ import annotations

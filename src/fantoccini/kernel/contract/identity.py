@@ -1,4 +1,7 @@
-"""A hash of the contract, which guards against stale libraries."""
+"""A hash of the contract, which guards against stale libraries.
+
+A library is stale if it was compiled for another version of the contract.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""The lane record: arrays of n trajectories that are advanced together, in pieces."""
+"""The lane record: arrays of n trajectories that are advanced together, in pieces.
+
+A lane is one of these trajectories. D stands for dynamic coordinates, K for driven ones; slip is
+the length that each winch has let out.
+"""
 
 from __future__ import annotations
 

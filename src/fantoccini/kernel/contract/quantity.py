@@ -1,4 +1,8 @@
-"""Sizes of a puppet, and quantities with shape, unit and meaning."""
+"""Sizes of a puppet, and quantities with shape, unit and meaning.
+
+D stands for dynamic coordinates, K for driven ones (ends and lengths of strings, driven joints); a
+drive moves a coordinate by a motor.
+"""
 
 from __future__ import annotations
 

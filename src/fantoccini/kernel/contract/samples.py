@@ -1,4 +1,10 @@
-"""Samples, events and contact points that a run writes, and numbers of winches that it reads."""
+"""Samples, events and contact points that a run writes, and numbers of winches that it reads.
+
+A sample is one saved instant of a run. A winch changes the length of a string, and its slip is the
+length that it has let out; at a catch, a slack string becomes taut. In names, D stands for dynamic
+coordinates, which move by the equations of motion, and K for driven ones: ends and lengths of
+strings, driven joints.
+"""
 
 from __future__ import annotations
 

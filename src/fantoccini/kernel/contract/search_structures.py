@@ -1,4 +1,10 @@
-"""Structures of optimal control and planning."""
+"""Structures of optimal control and planning.
+
+D stands for dynamic coordinates (q_D, v_D), K for driven ones (q_K, v_K, acc_K); n_qD, n_vD, n_qK
+and n_vK are the numbers of coordinates and velocities. A row is a condition on a number of the
+motion. A winch changes the length of a string; slip is the length that it lets out at its largest
+tension. A link is a body on its joint.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Declaration of a structure that Python and compiled code share."""
+"""Declaration of a structure that Python and compiled code share.
+
+A field is a number, an array or a structure in it.
+"""
 
 from __future__ import annotations
 

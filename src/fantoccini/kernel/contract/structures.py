@@ -1,4 +1,9 @@
-"""All structures that Python and compiled code share; those of runs are declared here."""
+"""All structures that Python and compiled code share; those of runs are declared here.
+
+D stands for dynamic coordinates, K for driven ones. `breaks` are the times at which pieces of an
+input meet, and `coef` their coefficients; a winch changes the length of a string. A link is a body
+on its joint.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,9 @@
-"""The contract as a page of the docs: ``docs/functions.md``."""
+"""The contract as a page of the docs: ``docs/functions.md``.
+
+The contract declares the functions and structures that Python and C++ share. In names, D stands for
+dynamic coordinates, which move by the equations of motion, and K for driven ones: ends and lengths
+of strings, driven joints.
+"""
 
 from __future__ import annotations
 

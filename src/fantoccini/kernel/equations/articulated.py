@@ -20,6 +20,9 @@ velocities; so F is not triangular.
 Without armature, a joint transmits no inertial wrench along its own axis, and that row of N
 vanishes: a ball joint transmits a force only. Armature is what a joint adds to the diagonal of
 M_DD: the inertia of its drive and, for an implicit step, dt times its damping.
+
+A wrench is a force with a torque. The leaves of the tree are the links without children, and x are
+n_vD forces along the dynamic velocities v_D.
 """
 
 from __future__ import annotations

@@ -7,6 +7,9 @@ If every joint is scalar, it consists of Christoffel symbols:
 Otherwise it is the sum over bodies of J^T (I Jdot + B J), with B the skew matrix of the body's
 momentum (angular l, linear p), B (w, v) = (-l x w - p x v, -p x w). In both cases C v is the
 velocity-dependent part of the bias and dM/dt - 2 C is skew, over all dynamic and driven velocities.
+
+J and Jdot are the Jacobian of a body's twist (velocity) and its rate, I is its inertia. v_D and v_K
+are the dynamic and the driven velocities. A link is a body on its joint.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""CasADi functions with the arguments and results of the contract."""
+"""CasADi functions with the arguments and results of the contract.
+
+The contract declares the functions that Python and C++ share.
+"""
 
 from __future__ import annotations
 

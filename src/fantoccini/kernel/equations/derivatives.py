@@ -7,6 +7,10 @@ The derivatives of acc_D and of the tensions follow from the implicit function t
 factors of M and of the taut rows. The residual is computed by recursive Newton-Euler; it needs a
 tenth of the operations of acc_D. Derivatives by a configuration are along tangent vectors delta:
 dq = N(q) delta, with qdot = N(q) v. For scalars N = 1; an orientation rotates in the body's frame.
+
+D stands for dynamic coordinates, K for driven ones (ends and lengths of strings). A row is a string
+or a joint limit with its gap h; A_D and A_K are the derivatives of h, and a row is taut if h = 0. A
+link is a body on its joint.
 """
 
 from __future__ import annotations

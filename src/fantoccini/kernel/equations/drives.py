@@ -23,6 +23,10 @@ e + dt edot, and its derivative by the step's acceleration is added to the diago
 so that drives of any stiffness are stable. If computed torque couples several coordinates, M is
 replaced here by the diagonal of its row sums of |M|, which is an upper bound. At its voltage bound
 a motor's force has the derivative (n k)^2 / R. dt = 0 gives the exact equations.
+
+A drive moves a driven coordinate by a motor towards its command. k is here the stiffness of a
+controller or the motor constant, d the damping, T the largest torque, s the steps per turn, i the
+current with its bound I, and U the largest voltage. A link is a body on its joint.
 """
 
 from __future__ import annotations

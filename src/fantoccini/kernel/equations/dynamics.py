@@ -5,6 +5,10 @@ M_DD acc_D + M_DK acc_K + c(q, v) = u_D + A_D^T lambda                        (E
 M comes from the composite-rigid-body recursion, the bias from recursive Newton-Euler: Lagrange's
 equations (Eqs. 5-8) without redundant work. The factor of M_DD is derived without M
 (:mod:`fantoccini.kernel.equations.articulated`).
+
+D stands for dynamic coordinates, K for driven ones (ends and lengths of strings, driven joints);
+lambda is minus the tension, and c the bias: Coriolis and centrifugal forces, gravity. A wrench is a
+force with a torque. A link is a body on its joint.
 """
 
 from __future__ import annotations

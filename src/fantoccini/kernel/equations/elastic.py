@@ -8,6 +8,10 @@ A piece of a chain has l = L / n, k = EA / l, c = damping / l. If L is driven, l
 winding in removes relaxed string, and virtual work gives
 
     -dV/dl = k s + k s^2 / (2 l) = EA e (1 + e / 2),    e = s / l.
+
+k is the stiffness, c the damping, l the unstretched length, and L the length of the chain in n
+pieces. In names, D stands for dynamic coordinates, which move by the equations of motion. A row of
+the tree describes a string, limit, spring or drive, a row of the coordinate table one coordinate.
 """
 
 from __future__ import annotations

@@ -1,4 +1,8 @@
-"""Kinetic and potential energy of a system."""
+"""Kinetic and potential energy of a system.
+
+q_D and q_K are the dynamic and driven coordinates, v_D and v_K their velocities. A link is a body
+on its joint.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""The shortest of several forms of a polynomial in cosines, sines and symbols."""
+"""The shortest of several forms of a polynomial in cosines, sines and symbols.
+
+A generator is a symbol of which polynomials consist, here a cosine, a sine or another symbol.
+"""
 
 from __future__ import annotations
 

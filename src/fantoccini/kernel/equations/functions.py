@@ -2,6 +2,12 @@
 
 The method ``_name`` derives the function ``name`` of the contract. All results are dense; matrices
 are stored column by column.
+
+D stands for dynamic coordinates, K for driven ones. A row is a string or a joint limit with its
+gap, A_D and A_K are the derivatives of the gaps; a drive moves a coordinate by a motor. h is the
+gap of a string, path length minus string length; hdot and hddot are its rates. A link is a body on
+its joint. With the inertia matrix M_DD = F^T F, w0 = F^-T f are the scaled forces f without
+strings, and W = F^-T A_D^T those of unit tensions.
 """
 
 from __future__ import annotations

@@ -2,6 +2,8 @@
 
 A link's inertia about its origin is stored as (m, h, J): the mass, the first moment h = m c and the
 second moment J = tr(I)/2 1 - I, with I = I_c + m (c.c 1 - c c^T) the rotational inertia.
+
+A link is a body on its joint, c its centre of mass and I_c the rotational inertia about it.
 """
 
 from __future__ import annotations

@@ -6,6 +6,9 @@ V_i = Ad(g_i^-1 g_parent) V_parent + S_i v_i                                  (E
 Accelerations are those of the link's origin, in the link's frame; other points of the link have
 a(r) = a + U r with U = [alpha] + [w][w]. The world's acceleration is -gravity, so that forces
 computed from accelerations contain gravity.
+
+g_i is the pose of link i, V_i its twist (linear and angular velocity), J_i the motion of its joint
+and S_i the columns of this motion.
 """
 
 from __future__ import annotations

@@ -3,6 +3,9 @@
 An angle is theta, a slide s, a position x, y, z, a string's length L, a drive's command r, a unit
 quaternion e_0 ... e_3 with the angular velocity omega_1 ... omega_3; each has a number if there are
 several of its kind. Velocities carry a dot. A parameter keeps its name.
+
+A drive moves a coordinate by a motor towards its command. q_D and q_K are the dynamic and driven
+coordinates.
 """
 
 from __future__ import annotations

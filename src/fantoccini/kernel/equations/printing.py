@@ -9,6 +9,8 @@ TooLargeError.
 
 Constants have 15 digits. The regularisation of segment lengths at coincident points (1e-9 m) is
 left out. Otherwise values differ from those of the interpreted equations by rounding only.
+
+D stands for dynamic coordinates, K for driven ones; A_D and A_K are the derivatives of string gaps.
 """
 
 from __future__ import annotations

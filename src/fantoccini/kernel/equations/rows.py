@@ -4,6 +4,9 @@ String (Sec. III-B):  h = sum_k |p_k+1 - p_k| - L,  hdot = A_D v_D + A_K v_K    
                       hddot = A_D acc_D + gamma,    gamma = Adot v + A_K acc_K        (Eq. 11)
 
 A segment's length is sqrt(d.d + eps^2), so that a slack string through coincident points is finite.
+
+p_k are the points of a string and L its length; D stands for dynamic coordinates, K for driven ones
+(ends and lengths of strings, driven joints). A link is a body on its joint.
 """
 
 from __future__ import annotations

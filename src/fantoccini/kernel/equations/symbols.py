@@ -1,4 +1,7 @@
-"""Symbols of all expressions, with the paper's letters."""
+"""Symbols of all expressions, with the paper's letters.
+
+D stands for dynamic coordinates, K for driven ones: ends and lengths of strings, driven joints.
+"""
 
 from __future__ import annotations
 

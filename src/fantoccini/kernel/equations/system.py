@@ -1,6 +1,11 @@
 """Symbolic expressions of a tree in the paper's symbols, each derived on first use.
 
 :mod:`fantoccini.kernel.equations.functions` turns them into functions.
+
+D stands for dynamic coordinates (q_D, v_D, acc_D), K for driven ones (q_K, v_K, acc_K: ends and
+lengths of strings, driven joints). A row is a string or a joint limit with its gap. h is the gap of
+a string, path length minus string length; hdot and hddot are its rates. A drive moves a coordinate
+by a motor towards its command.
 """
 
 from __future__ import annotations

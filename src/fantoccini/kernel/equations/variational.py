@@ -28,6 +28,9 @@ H = (H_w, H_v) of its subtree, about its origin and in its frame,
     P = S^T H,     dT/dq = S_w^T (H_w x w_c + H_v x v) + S_v^T (H_v x w_c)
 
 where w_c is w without the joint's own motion.
+
+D stands for dynamic coordinates, K for driven ones. h is the gap of a string and A_D its
+derivative, Lambda its impulse.
 """
 
 from __future__ import annotations

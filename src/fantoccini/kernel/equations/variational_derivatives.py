@@ -6,6 +6,9 @@ They are those of :mod:`fantoccini.kernel.equations.variational`:
     p_k(xi), p_k+1(xi), q_k+1(xi)                   results of the midpoint rule
 
 Derivatives of and by configurations are along tangent vectors in the body's frame.
+
+D stands for dynamic coordinates, K for driven ones; A_D are the derivatives of string gaps, and xi
+is the move of a step.
 """
 
 from __future__ import annotations

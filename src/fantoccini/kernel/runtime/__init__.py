@@ -1,4 +1,10 @@
-"""The compiled puppet: the only package that calls the shared library, through ctypes."""
+"""The compiled puppet: the only package that calls the shared library, through ctypes.
+
+q_D are the dynamic coordinates of the puppet and q_K the driven ones (ends and lengths of strings,
+driven joints), v and acc their velocities and accelerations. A row is a string or a joint limit
+with its gap. A winch changes the length of a string; its slip is the length that it has let out.
+Lanes are runs that the vector unit of the processor advances together.
+"""
 
 from fantoccini.kernel.runtime import memory, solids
 from fantoccini.kernel.runtime.batch import Batch, BatchLibrary, default_threads

@@ -1,4 +1,9 @@
-"""Many trajectories at once, on any number of threads (``cpp/fantoccini/runs/batch.hpp``)."""
+"""Many trajectories at once, on any number of threads (``cpp/fantoccini/runs/batch.hpp``).
+
+Lanes are trajectories that the vector unit of the processor advances together. D stands for dynamic
+coordinates, K for driven ones; a winch changes the length of a string. Breaks are the times at
+which the pieces of an input meet. At a catch, a slack string becomes taut, with an impulse.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""Compiled quadratic programs of stages, for real time (``search/stage_clamped.hpp``)."""
+"""Compiled quadratic programs of stages, for real time (``search/stage_clamped.hpp``).
+
+A stage is an interval of a motion; n_vK is the number of driven velocities, those of ends and
+lengths of strings.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""Clearances of many configurations, measured by a puppet's compiled library."""
+"""Clearances of many configurations, measured by a puppet's compiled library.
+
+A solid is a shape of a body or an obstacle. q_D and q_K are the dynamic and driven coordinates of
+the configurations. A link is a body on its joint.
+"""
 
 from __future__ import annotations
 

@@ -3,6 +3,10 @@
 A :class:`Library` evaluates the generated functions over whole arrays; a :class:`Run` is one
 simulation, which returns samples and events in pieces so that a progress bar can move and Ctrl-C
 works between them. ctypes releases the interpreter's lock during every call.
+
+q_D and q_K are the dynamic and driven coordinates, v_D and v_K their velocities. A row is a string
+or a joint limit; slip is the length that a winch has let out. The gap of two solids is their
+distance, negative in an overlap.
 """
 
 from __future__ import annotations

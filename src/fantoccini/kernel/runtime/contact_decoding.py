@@ -1,4 +1,7 @@
-"""Contact points of a run, decoded from the rows that compiled code writes."""
+"""Contact points of a run, decoded from the rows that compiled code writes.
+
+A contact is a point at which two solids touch.
+"""
 
 from __future__ import annotations
 

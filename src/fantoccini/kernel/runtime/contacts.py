@@ -1,4 +1,8 @@
-"""Solids that may touch, as compiled code reads them."""
+"""Solids that may touch, as compiled code reads them.
+
+A solid is a shape of a body or an obstacle. A link is a body on its joint. A hull is the smallest
+convex solid around a mesh or a piece of it.
+"""
 
 from __future__ import annotations
 

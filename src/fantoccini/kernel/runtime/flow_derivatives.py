@@ -1,4 +1,8 @@
-"""Changes along smooth pieces of event-driven runs (``derivatives/flow_derivatives.hpp``)."""
+"""Changes along smooth pieces of event-driven runs (``derivatives/flow_derivatives.hpp``).
+
+A change is a derivative of the state, with a column for each cause. q_D and v_D are the dynamic
+coordinates and velocities, v_K and acc_K driven velocities and accelerations.
+"""
 
 from __future__ import annotations
 

@@ -1,6 +1,10 @@
 """The ODE of an event-driven run between events, for external integrators.
 
 ydot = f(t, y),   y = (q_D, v_D, work, loss, slip loss),   with the active set frozen
+
+The active set consists of the taut strings and closed limits. q_D and v_D are the dynamic
+coordinates and velocities; a winch changes the length of a string, and its slip is the length that
+it has let out.
 """
 
 from __future__ import annotations

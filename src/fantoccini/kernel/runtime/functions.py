@@ -1,4 +1,8 @@
-"""Loaded libraries of a puppet, and their functions over whole arrays."""
+"""Loaded libraries of a puppet, and their functions over whole arrays.
+
+The contract declares the functions that Python and C++ share, with the shapes of their arguments
+and results. An array may have further leading axes, over which a function is evaluated.
+"""
 
 from __future__ import annotations
 
@@ -35,7 +39,7 @@ class Loaded:
         sizes: sizes of the puppet's tree (``Tree.sizes``).
 
     Raises:
-        BuildError: it cannot be loaded, or belongs to another puppet or contract.
+        BuildError: it cannot be loaded, or was compiled for another puppet or contract.
     """
 
     def __init__(self, path: Path, sizes: Mapping[str, int]):
@@ -91,14 +95,14 @@ class Functions(Loaded):
             ]
         # All results share one block: asking every array for its address takes longer than a call.
         n = math.prod(lead)
-        block = np.zeros(n * signature.ends[-1])
+        block = np.zeros(n * signature.offsets[-1])
         first = _address(block)
         status = signature.call(
             n,
             signature.pointers_in(*[_address(a) for a in flat_arguments]),
             signature.strides_in(*[a.shape[-1] if a.ndim > 1 else 0 for a in flat_arguments]),
             signature.pointers_out(
-                *[first + block.itemsize * n * end for end in signature.ends[:-1]]
+                *[first + block.itemsize * n * offset for offset in signature.offsets[:-1]]
             ),
             signature.strides_out,
         )
@@ -107,7 +111,7 @@ class Functions(Loaded):
         return signature.by_name(block, n, lead)
 
     def at(self, name: str, values: Mapping[str, Array | float]) -> dict[str, Array]:
-        """The results of a function by name, (..., *shape).
+        """The results (..., *shape) of a function, by their names.
 
         Args:
             name: name of the function.
@@ -132,7 +136,7 @@ class _Signature:
         self.pointers_out = ctypes.c_void_p * n_out
         widths = [q.width for q in self.results]
         self.strides_out = (ctypes.c_longlong * n_out)(*widths)
-        self.ends = list(accumulate(widths, initial=0))
+        self.offsets = list(accumulate(widths, initial=0))
 
     def in_order(self, arguments: dict[str, Array | float]) -> list[Array]:
         """The arguments in the order of the function, contiguous and flat (..., width)."""
@@ -163,7 +167,7 @@ class _Signature:
     def by_name(self, block: Array, n: int, lead: tuple[int, ...]) -> SimpleNamespace:
         """The results by name."""
         results = SimpleNamespace()
-        for q, start, end in zip(self.results, self.ends, self.ends[1:], strict=False):
+        for q, start, end in zip(self.results, self.offsets, self.offsets[1:], strict=False):
             values = block[n * start : n * end].reshape((*lead, *q.stored))
             setattr(results, q.name, values.swapaxes(-1, -2) if len(q.stored) == 2 else values)
         return results
@@ -188,7 +192,7 @@ class _Shaped:
         return cls(quantity.name, shape, shape[::-1], math.prod(shape))
 
     def flat(self, value: Array | float) -> Array:
-        """(..., width) of a value (..., *shape): matrices are stored column by column."""
+        """A value (..., *shape) as (..., width) numbers; matrices are stored column by column."""
         a, n = np.asarray(value, dtype=float, order="C"), len(self.shape)
         if a.shape[a.ndim - n :] != self.shape:
             raise _ShapeError

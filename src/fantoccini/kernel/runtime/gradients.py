@@ -1,4 +1,9 @@
-"""Gradients of costs of rollouts (``cpp/fantoccini/derivatives/rollout_gradient.hpp``)."""
+"""Gradients of costs of rollouts (``cpp/fantoccini/derivatives/rollout_gradient.hpp``).
+
+A rollout is a run of time steps. q_D and v_D are the dynamic coordinates and velocities; a winch
+changes the length of a string. In names, K stands for driven coordinates: ends and lengths of
+strings, driven joints.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Convex hulls of meshes, as compiled code lets them touch."""
+"""Convex hulls of meshes, as compiled code lets them touch.
+
+A polytope is a convex solid with flat facets.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,9 @@
-"""Inputs for compiled code."""
+"""Inputs for compiled code.
+
+An input gives the driven coordinates q_K (ends and lengths of strings) by polynomials with
+coefficients `coef` between the times `breaks`; v_K and acc_K are their velocities and
+accelerations. In names, D stands for dynamic coordinates, which move by the equations of motion.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,9 @@
-"""Trajectories in lanes that are advanced piece by piece (``timestepping/lane_stepper.hpp``)."""
+"""Trajectories in lanes that are advanced piece by piece (``timestepping/lane_stepper.hpp``).
+
+Lanes are trajectories that the vector unit of the processor advances together; a record is the
+arrays of their states. acc_K are the driven accelerations, and slip is the length that a winch has
+let out. In names, D stands for dynamic coordinates, which move by the equations of motion.
+"""
 
 from __future__ import annotations
 

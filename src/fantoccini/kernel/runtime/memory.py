@@ -1,4 +1,7 @@
-"""Memory available to a run, and memory needed for its samples."""
+"""Memory available to a run, and memory needed for its samples.
+
+A sample is one saved instant of a run.
+"""
 
 from __future__ import annotations
 

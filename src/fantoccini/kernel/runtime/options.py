@@ -1,4 +1,7 @@
-"""Options of a run, for compiled code."""
+"""Options of a run, for compiled code.
+
+M_DD is the inertia matrix of the dynamic coordinates.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Creation of the arrays of the contract's structures, and packing for compiled code."""
+"""Creation of the arrays of the contract's structures, and packing for compiled code.
+
+A structure has the memory layout of C; the contract declares its fields.
+"""
 
 from __future__ import annotations
 

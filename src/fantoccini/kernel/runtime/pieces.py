@@ -2,6 +2,8 @@
 
 Cuts by planes divide a mesh until every piece is nearly its convex hull. The hulls overlap a little
 where the surface is curved inwards.
+
+A hull is the smallest convex solid around a set of points.
 """
 
 from __future__ import annotations

@@ -1,4 +1,8 @@
-"""Hanging poses nearest to places (``cpp/fantoccini/search/reach.hpp``)."""
+"""Hanging poses nearest to places (``cpp/fantoccini/search/reach.hpp``).
+
+In a hanging pose, a puppet is at rest for given driven coordinates q_K: ends and lengths of
+strings. q_D are the dynamic coordinates.
+"""
 
 from __future__ import annotations
 

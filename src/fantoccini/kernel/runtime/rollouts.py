@@ -1,4 +1,10 @@
-"""A planner's rollouts in the compiled library (Python side of ``search/rollouts.hpp``)."""
+"""A planner's rollouts in the compiled library (Python side of ``search/rollouts.hpp``).
+
+A rollout is a simulation within the search, and a segment a piece of it with constant driven
+accelerations acc_K. q_D and q_K are the dynamic and driven coordinates; lanes are rollouts that the
+vector unit of the processor advances together. A winch changes the length of a string. At a catch,
+a slack string becomes taut, with an impulse.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""Shapes as the solids that compiled code measures and lets touch."""
+"""Shapes as the solids that compiled code measures and lets touch.
+
+A solid is a shape of a body or an obstacle, in the layout of the compiled library; a link is a body
+on its joint. A hull is the smallest convex solid around a mesh or a piece of it.
+"""
 
 from __future__ import annotations
 

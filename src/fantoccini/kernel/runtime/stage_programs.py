@@ -1,4 +1,7 @@
-"""Quadratic programs of stages, solved by compiled code (``search/stage_program.hpp``)."""
+"""Quadratic programs of stages, solved by compiled code (``search/stage_program.hpp``).
+
+A stage is an interval of a motion with its inputs, and a row a condition on a number of it.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Derivatives of many time steps at once (``cpp/fantoccini/derivatives/step_derivatives.hpp``)."""
+"""Derivatives of many time steps at once (``cpp/fantoccini/derivatives/step_derivatives.hpp``).
+
+n_vD and n_vK are the numbers of dynamic and driven velocities, acc_D and acc_K their accelerations.
+"""
 
 from __future__ import annotations
 
@@ -14,16 +17,16 @@ from fantoccini.kernel.runtime.touching_steps import StepTouches, in_parts
 
 
 class StepPartials(NamedTuple):
-    """Derivatives of n steps; m columns: q_D, v_D, q_K, v_K, acc_K, u_D on request, p.
+    """Derivatives of n steps by q_D, v_D, q_K, v_K, acc_K, u_D (on request) and p, in m columns.
 
     Attributes:
         acc_D: (n, n_vD) mean accelerations over the steps.
-        motion: (n, 2 n_vD, m) of (dq_D, v_D) after the step. Columns of v_K and acc_K of driven
-            rotations are by dq_K/dt and dv_K/dt over the step instead.
-        pull: (n, n_rows, m) of the tensions, on request.
-        shares: (n, 3 capacity, m) of the multipliers of the points that push, on request.
-        moved: (n, n_vD + n_vK, m) of the configuration at the touch, likewise, of steps with a
-            rebound.
+        motion: (n, 2 n_vD, m) derivatives of (dq_D, v_D) after the step. Columns of v_K, acc_K of
+            driven rotations are by dq_K/dt and dv_K/dt over the step instead.
+        pull: (n, n_rows, m) derivatives of the tensions, on request.
+        shares: (n, 3 capacity, m) derivatives of the forces of points that push, on request.
+        moved: (n, n_vD + n_vK, m) derivatives of the configuration at the touch, on request, of
+            steps with a rebound.
     """
 
     acc_D: Array

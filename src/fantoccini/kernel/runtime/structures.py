@@ -1,4 +1,7 @@
-"""The structures shared with the compiled library, for ctypes and NumPy."""
+"""The structures shared with the compiled library, for ctypes and NumPy.
+
+A structure has the memory layout of C; the contract declares its fields.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""First time steps with contact from many states (``derivatives/step_touches.hpp``)."""
+"""First time steps with contact from many states (``derivatives/step_touches.hpp``).
+
+q_D and q_K are the dynamic and driven coordinates, v and acc their velocities and accelerations;
+slip is the length that a winch has let out. A node is a state from which a time step begins.
+"""
 
 from __future__ import annotations
 

@@ -4,6 +4,10 @@
 
 The normal equations are block tridiagonal in the states, with a border for the parameters. States
 are eliminated one by one (the Riccati recursion of a smoother), which leaves a small system.
+
+dx_s is the change of the first state of segment s, a piece of the record that is simulated on its
+own, and dtheta that of the unknown parameters; r_s are the residuals of its samples and e_s the
+jump to the next segment.
 """
 
 from __future__ import annotations

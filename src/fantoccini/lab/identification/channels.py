@@ -1,4 +1,8 @@
-"""Channels of a record, the measured numbers: marker positions, scalar coordinates and tensions."""
+"""Channels of a record, the measured numbers: marker positions, scalar coordinates and tensions.
+
+A record is measurements of a puppet in motion. q_D and q_K are the dynamic and driven coordinates
+at its samples.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,9 @@
-"""Cost of a point's predictions, and the normal equations that minimise it."""
+"""Cost of a point's predictions, and the normal equations that minimise it.
+
+A segment is a piece of the record that is simulated from its own first state; a jump is the
+difference between this state and the end of the previous segment. q_D and v_D are dynamic
+coordinates and velocities.
+"""
 
 from __future__ import annotations
 
@@ -13,19 +18,20 @@ from fantoccini.lab.identification.fit import Fit
 from fantoccini.lab.identification.search_point import Jacobians, Point, Prediction, Weights
 
 HUBER_THRESHOLD = 3.0
-"""Residual over its noise level above which the cost grows linearly (Huber)."""
+"""Residual, divided by its noise level, above which the cost grows linearly (Huber)."""
 CAUCHY_SCALE = 6.0
-"""Scale of Cauchy's loss of residuals, over their noise level."""
+"""Scale of Cauchy's loss of residuals, in units of their noise level."""
 MAX_EXCESS = 5.0
-"""Standard deviations of a segment's mean square above the median at which it is not explained."""
+"""Excess of a segment's mean square above the median at which it is not explained [deviations]."""
 MAX_JUMP_RATIO = 8.0
-"""Jump above which a segment is detached: over the drift, and over the median jump."""
+"""Jump above which a segment is detached, divided by the drift and by the median jump."""
 FORBIDDEN_MOVE_WEIGHT = 1e-8
 """Weight of moves that taut strings prevent, relative to that of the drift."""
 MAX_LINEAR_ERROR = 0.1
 """Relative error of a linear prediction above which derivatives are computed again."""
 MIN_CHANGE = 1e-2
-"""Change below which a linear prediction is not checked: sum of squares over noise and drift."""
+"""Change below which a linear prediction is not checked: sum of squares, relative to the noise
+and the drift."""
 FIRST_STATE_DEVIATION = (0.5, 5.0)
 """Standard deviations of the first state about its guess [rad or m, rad/s or m/s]."""
 
@@ -47,7 +53,7 @@ class Cost:
     trusted: MaskRows | None = None
 
     def residuals(self, point: Point, prediction: Prediction) -> tuple[Array, MaskRows]:
-        """(N, n_c) prediction less sample over the noise, 0 in gaps; and the mask of samples."""
+        """(N, n_c) (prediction - sample) / noise, 0 in gaps; and the mask of samples."""
         is_present = np.isfinite(self.fit.y)
         if self.trusted is not None:
             is_present &= self.trusted[self.fit.segments(point.theta), None]
@@ -79,7 +85,7 @@ class Cost:
         return np.append(False, jumps > MAX_JUMP_RATIO * max(1.0, median))
 
     def jumps(self, point: Point, prediction: Prediction) -> Array:
-        """(S - 1, 2 n_vD) first states less the previous segments' ends, over the drift."""
+        """(S - 1, 2 n_vD) (first state - end of the previous segment) / drift."""
         drift = self.weights.drift
         dq = difference(self.fit.marionette, prediction.q_D[:-1], point.q_D[1:]) / drift[0]
         dv = (point.v_D[1:] - prediction.v_D[:-1]) / drift[1]
@@ -112,7 +118,7 @@ class Cost:
         return _cauchy(r, CAUCHY_SCALE) if self.weights.final else _huber(r)
 
     def _first_state_residual(self, point: Point) -> Array:
-        """(2 n_vD,) the first state less its guess, over its standard deviation."""
+        """(2 n_vD,) (first state - its guess) / its standard deviation."""
         dq = (
             difference(self.fit.marionette, self.first_guess.q_D[0], point.q_D[0])
             / FIRST_STATE_DEVIATION[0]

@@ -1,4 +1,10 @@
-"""``identify``: least-squares estimates of a puppet's unknown parameters from a record."""
+"""``identify``: least-squares estimates of a puppet's unknown parameters from a record.
+
+A record is measurements of a puppet in motion under known inputs. Its segments are simulated
+separately; the jump between two of them is allowed a standard deviation, the drift. In names, D
+stands for dynamic coordinates, which move by the equations of motion, and K for driven ones: ends
+and lengths of strings, driven joints.
+"""
 
 from __future__ import annotations
 

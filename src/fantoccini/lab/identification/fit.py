@@ -1,4 +1,9 @@
-"""The fit of a record: its predictions and their derivatives."""
+"""The fit of a record: its predictions and their derivatives.
+
+A record is measurements of a puppet in motion, cut into segments that are simulated from their own
+first states. q_D and v_D are dynamic coordinates and velocities, q_K and v_K driven ones; theta are
+the unknown numbers. A row is a string or a joint limit with its gap h <= 0.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,10 @@
-"""Reasons to doubt an identification: residuals and jumps, compared with those of noise."""
+"""Reasons to doubt an identification: residuals and jumps, compared with those of noise.
+
+A column is a measured number of the record over time, and its residuals are measurements minus
+predictions. A segment is a piece of the record that is simulated on its own; a jump is the
+difference of two segments where they meet. In names, D stands for dynamic coordinates, which move
+by the equations of motion.
+"""
 
 from __future__ import annotations
 

@@ -3,6 +3,9 @@
 A path begins with the name of a body, joint, string, spring or a drive's coordinate; keys follow:
 ``forearm.mass``, ``elbow.damping``, ``torso.drag.linear``, ``hand.length``, ``hand.path.0.at.z``,
 ``rubber.stiffness``, ``hand.length.control.stiffness``.
+
+A parameter is a number with a name, which can change without compiling the puppet again. A drive
+moves a coordinate by a motor.
 """
 
 from __future__ import annotations

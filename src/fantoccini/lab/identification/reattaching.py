@@ -3,6 +3,10 @@
 Such a segment begins far from the end of the previous one. No small move brings it back, because
 Cauchy's loss hardly grows with a large jump. It is started again at the end of the previous
 segment, and fitted together with its neighbours while the drift is reduced in steps.
+
+A segment is a piece of the record that is simulated from its own first state (q_D, v_D); the jump
+is the difference between this state and the end of the previous segment, and the drift its allowed
+standard deviation.
 """
 
 from __future__ import annotations

@@ -1,4 +1,9 @@
-"""A record: measurements of a puppet under known inputs, and the unknowns to estimate."""
+"""A record: measurements of a puppet under known inputs, and the unknowns to estimate.
+
+A channel is a measured number over time: a coordinate of a marker, a joint coordinate or a tension.
+q_K are the driven coordinates, the ends and lengths of strings. In names, D stands for dynamic
+coordinates, which move by the equations of motion. A winch changes the length of a string.
+"""
 
 from __future__ import annotations
 

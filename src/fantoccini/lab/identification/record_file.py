@@ -1,4 +1,10 @@
-"""Record files: YAML beside a CSV. Every mistake is reported with its location."""
+"""Record files: YAML beside a CSV. Every mistake is reported with its location.
+
+A quantity is a marker, coordinate or tension; a record contains its samples. Driven coordinates are
+the ends and lengths of strings, which the inputs moved. In names, D stands for dynamic coordinates,
+which move by the equations of motion, and K for driven ones: ends and lengths of strings, driven
+joints.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,10 @@
-"""Result of an identification: estimates, their errors, and undetermined combinations."""
+"""Result of an identification: estimates, their errors, and undetermined combinations.
+
+A record is measurements of a puppet in motion. A combination of unknowns is undetermined if the
+record fits as well when they change together. In names, D stands for dynamic coordinates, which
+move by the equations of motion. A segment is a piece of the record that is simulated from its own
+first state.
+"""
 
 from __future__ import annotations
 

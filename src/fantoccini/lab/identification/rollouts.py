@@ -7,6 +7,10 @@ them in lanes:
 
 Z has the derivatives of (dq_D, v_D) by the segment's first state, by unknown parameters and by
 unknown offsets of driven coordinates.
+
+A rollout is the simulation of a segment. q_D and v_D are dynamic coordinates and velocities, q_K
+the driven coordinates (ends and lengths of strings), and p the parameters. Lanes are runs that the
+vector unit of the processor advances together.
 """
 
 from __future__ import annotations

@@ -4,6 +4,11 @@ A state that violates a taut string would begin with a jerk. Therefore every cha
 state is followed by the smallest change of configuration, and then of velocity, with which
 
     h = 0,  hdot = 0   on active rows,        h <= 0,  hdot <= 0   on the others
+
+A segment is a piece of the record that is simulated from its own first state. A row is a string or
+a joint limit with its gap h (path length minus string length); the active ones are taut. q_D and
+v_D are dynamic coordinates and velocities. In names, K stands for driven coordinates: ends and
+lengths of strings, driven joints.
 """
 
 from __future__ import annotations

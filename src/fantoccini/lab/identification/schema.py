@@ -1,4 +1,9 @@
-"""The schema of record files."""
+"""The schema of record files.
+
+Classes with names in `Entry` are parts of one record file. The types `Sized` and `Size` are a
+number and a positive number of at most 1e6, and a `Place` is a position [m]. A driven coordinate is
+an end or a length of a string, or a driven joint.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,9 @@
-"""Points of a search: unknowns and first states, with their predictions and derivatives."""
+"""Points of a search: unknowns and first states, with their predictions and derivatives.
+
+theta are the unknown numbers. A segment is a piece of the record that is simulated from its own
+first state: dynamic coordinates q_D and velocities v_D. In names, K stands for driven coordinates:
+ends and lengths of strings, driven joints.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,9 @@
-"""Levenberg and Marquardt's search for the point that explains a record best."""
+"""Levenberg and Marquardt's search for the point that explains a record best.
+
+A point consists of the unknown numbers theta and the first states of all segments, the pieces of
+the record that are simulated separately; a jump is the difference of two segments where they meet.
+In names, D stands for dynamic coordinates, which move by the equations of motion.
+"""
 
 from __future__ import annotations
 

@@ -6,6 +6,9 @@ states, and scaled by the sizes of the numbers. The best candidate has the large
     gain = 1/2 log2 det(1 + F),
 
 the information in bits about numbers of which only the size is known (D-optimality).
+
+A record is measurements of a puppet in motion under known inputs, here the motion of the driven
+coordinates q_K: ends and lengths of strings.
 """
 
 from __future__ import annotations

@@ -1,4 +1,10 @@
-"""Units of unknowns and of channels."""
+"""Units of unknowns and of channels.
+
+A channel is a measured number over time, and an unknown a number of the puppet file that is
+estimated. A marionette is a puppet with its compiled equations; `marionette.puppet` is the
+description in its file. A row of the tree describes a string, limit, spring or drive, a row of the
+coordinate table one coordinate.
+"""
 
 from __future__ import annotations
 

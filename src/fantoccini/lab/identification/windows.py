@@ -1,4 +1,8 @@
-"""Windows: adjacent segments, judged together because each changes the next one's jump."""
+"""Windows: adjacent segments, judged together because each changes the next one's jump.
+
+A segment is a piece of a record that is simulated from its own first state; a jump is the
+difference of two segments where they meet.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""Parameter studies over puppets, parameters, inputs and seeds, on many cores or machines."""
+"""Parameter studies over puppets, parameters, inputs and seeds, on many cores or machines.
+
+A sweep applies one study, a function, to many cases; a case is one combination of values. The
+figures of a case are the numbers that the study returns for it.
+"""
 
 from fantoccini.lab.sweeps import trial
 from fantoccini.lab.sweeps.case import Case

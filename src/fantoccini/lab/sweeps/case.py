@@ -1,4 +1,7 @@
-"""One case of a sweep, as its study receives it."""
+"""One case of a sweep, as its study receives it.
+
+A sweep applies one study, a function, to many cases; a case is one combination of values.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Cases of a sweep: a grid or a list of points, repetitions, and random values for every case."""
+"""Cases of a sweep: a grid or a list of points, repetitions, and random values for every case.
+
+A case is one combination of values. An axis is one name that varies, with its values.
+"""
 
 from __future__ import annotations
 

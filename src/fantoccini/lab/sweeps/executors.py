@@ -1,4 +1,7 @@
-"""Executors run the cases of a sweep: the protocol, and a pool of threads in this process."""
+"""Executors run the cases of a sweep: the protocol, and a pool of threads in this process.
+
+A case is one combination of values; a task is several cases that are sent together.
+"""
 
 from __future__ import annotations
 

@@ -1,6 +1,8 @@
 """Digests of values and studies, equal if these give equal results.
 
 They identify stored cases, and show whether the same study wrote a store.
+
+A study is the function that a sweep applies to its cases.
 """
 
 from __future__ import annotations

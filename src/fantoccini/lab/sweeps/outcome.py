@@ -1,4 +1,8 @@
-"""Run of one case, and its outcome."""
+"""Run of one case, and its outcome.
+
+A case is one combination of values of a sweep; its figures are the numbers that the study returned
+for it.
+"""
 
 from __future__ import annotations
 

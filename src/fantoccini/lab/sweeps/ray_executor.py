@@ -1,4 +1,7 @@
-"""An executor on Ray: worker processes on this machine or on a cluster."""
+"""An executor on Ray: worker processes on this machine or on a cluster.
+
+An executor runs the cases of a sweep, each one combination of values.
+"""
 
 from __future__ import annotations
 

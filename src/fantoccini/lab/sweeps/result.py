@@ -1,4 +1,7 @@
-"""The result of a sweep: figures shaped like the grid, a table, and the failures."""
+"""The result of a sweep: figures shaped like the grid, a table, and the failures.
+
+A case is one combination of values; its figures are the numbers that the study returned for it.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""``sweep``: a study run for many cases, on threads or a cluster, resumable."""
+"""``sweep``: a study run for many cases, on threads or a cluster, resumable.
+
+A study is a function, and a case one combination of values to which it is applied.
+"""
 
 from __future__ import annotations
 

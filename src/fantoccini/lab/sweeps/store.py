@@ -6,6 +6,8 @@
 Files are written under a temporary name and renamed, so a file with a case's name is complete. A
 damaged one counts as missing. A case's name is a digest of its values, so a larger grid reuses the
 cases of a smaller one.
+
+A case is one combination of values; its figures are the numbers that the study returned for it.
 """
 
 from __future__ import annotations

@@ -1,4 +1,8 @@
-"""``Trial``: a ready-made study, one simulation per case."""
+"""``Trial``: a ready-made study, one simulation per case.
+
+A study is a function that a sweep applies to many cases. q_D and q_K are the dynamic and driven
+coordinates of the start. At a catch, a slack string becomes taut, with an impulse.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""Arrays of numbers in a glTF document."""
+"""Arrays of numbers in a glTF document.
+
+glTF is a format of scenes. An accessor describes an array in a block of bytes: its place, type and
+length.
+"""
 
 from __future__ import annotations
 

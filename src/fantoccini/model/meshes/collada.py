@@ -1,4 +1,7 @@
-"""COLLADA files (.dae), read by pycollada and converted to metres with z up."""
+"""COLLADA files (.dae), read by pycollada and converted to metres with z up.
+
+A node places geometry in the scene; an instance is one use of it.
+"""
 
 from __future__ import annotations
 

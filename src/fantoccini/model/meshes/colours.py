@@ -1,4 +1,8 @@
-"""Colours of triangles from factors, vertex colours and textures."""
+"""Colours of triangles from factors, vertex colours and textures.
+
+sRGB is the usual encoding of colours in files; linear colours are proportional to light, as mixing
+requires.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Reads mesh files of all formats."""
+"""Reads mesh files of all formats.
+
+A part is the triangles of one material, and a node places parts in the frame of the file.
+"""
 
 from __future__ import annotations
 

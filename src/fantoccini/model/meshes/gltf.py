@@ -2,6 +2,8 @@
 
 Cameras, lights, animations, skins and morph targets are ignored. Files are not trusted: every index
 and length is checked before memory is allocated.
+
+A node places geometry in the scene; a part is the triangles of one material.
 """
 
 from __future__ import annotations

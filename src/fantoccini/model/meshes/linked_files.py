@@ -1,4 +1,7 @@
-"""Files to which a mesh file refers: buffers, materials, images, in its folder or below."""
+"""Files to which a mesh file refers: buffers, materials, images, in its folder or below.
+
+A material gives triangles their colour.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Wavefront OBJ with its materials: triangles by material, with colours and images."""
+"""Wavefront OBJ with its materials: triangles by material, with colours and images.
+
+OBJ is a text format of triangles, whose materials are in a second file.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Part of a mesh file: triangles of one material."""
+"""Part of a mesh file: triangles of one material.
+
+A material gives triangles their colour.
+"""
 
 from __future__ import annotations
 

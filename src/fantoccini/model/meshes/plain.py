@@ -1,4 +1,7 @@
-"""STL and PLY: formats without unit and upward axis."""
+"""STL and PLY: formats without unit and upward axis.
+
+A facet is a triangle of an STL file.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""Closed surfaces: test of closure, connected pieces, orientation of faces."""
+"""Closed surfaces: test of closure, connected pieces, orientation of faces.
+
+A piece is a connected part of the surface, with the hollows inside it. The winding number of a
+surface around a point is 1 inside and 0 outside.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,10 @@
-"""The puppet schema: puppets read from files or built in Python."""
+"""The puppet schema: puppets read from files or built in Python.
+
+A puppet is rigid bodies on joints, hung from strings. A driven coordinate is given as a function of
+time: an end or length of a string, or a driven joint. A drive moves one by a motor towards a
+command. A twin is the mirror image of a body, joint or string; a wire is a string that also pushes,
+and a chain one with point masses and springs.
+"""
 
 from fantoccini.model.puppet import bundled_files, dump
 from fantoccini.model.puppet.bundled_files import (

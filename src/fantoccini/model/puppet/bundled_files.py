@@ -1,4 +1,7 @@
-"""Files of bundled puppets, scenes and performances, and of ``puppet`` keys in other files."""
+"""Files of bundled puppets, scenes and performances, and of ``puppet`` keys in other files.
+
+A performance is a file of inputs, the motion of strings.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""A string as a chain of point masses joined by stiff springs, instead of a constraint."""
+"""A string as a chain of point masses joined by stiff springs, instead of a constraint.
+
+EA is the force per relative elongation of a spring. A wire, a string that also pushes, cannot be a
+chain.
+"""
 
 from __future__ import annotations
 

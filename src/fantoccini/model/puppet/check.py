@@ -2,6 +2,8 @@
 
 A puppet with invalid parts is checked too, so that all mistakes are reported together. Those
 parts have the value ``UNCLEAR``, for which these checks report nothing.
+
+A twin is the mirror image of a body, joint or string. A member is a puppet of a scene.
 """
 
 from __future__ import annotations

@@ -1,4 +1,8 @@
-"""Checks of start values and drives, which refer to coordinates by name."""
+"""Checks of start values and drives, which refer to coordinates by name.
+
+A driven coordinate is given as a function of time: an end or length of a string, or a driven joint.
+A drive moves one by a motor towards its command. A twin is the mirror image of a part.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""Checks of the paths of strings and the ends of springs."""
+"""Checks of the paths of strings and the ends of springs.
+
+A path is the points of a string from end to end; a carrier is the body or world on which a point is
+fixed, or a driven end.
+"""
 
 from __future__ import annotations
 

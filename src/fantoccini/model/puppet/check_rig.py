@@ -1,4 +1,8 @@
-"""Checks of the section `rig` of a puppet file: its names exist, and limbs are chains of bodies."""
+"""Checks of the section `rig` of a puppet file: its names exist, and limbs are chains of bodies.
+
+A rig is the body map of the file: which bodies are trunk, head and limbs. A twin is the mirror
+image of a body or string.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""Contact rules: which solids touch, their friction and restitution."""
+"""Contact rules: which solids touch, their friction and restitution.
+
+A solid is a shape of a body or an obstacle. Restitution is the part of the speed that an impact
+gives back.
+"""
 
 from __future__ import annotations
 

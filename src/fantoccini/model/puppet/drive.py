@@ -4,6 +4,9 @@ A drive has a rotor (or a slider) with inertia, friction, a motor with bounds, a
 follows a command. With gear ratio g and drum radius r the rotor turns by n = g / r per metre of the
 coordinate, or by n = g per radian. Quantities of the rotor and the motor are given at the rotor;
 the factor n, or n^2 for the inertia, transforms them to the coordinate.
+
+A driven coordinate is an end or length of a string, or a driven joint; with a drive its command is
+given as a function of time. w is the speed of the rotor and q the coordinate.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""Puppets as plain data, YAML and canonical JSON."""
+"""Puppets as plain data, YAML and canonical JSON.
+
+Canonical JSON is the same for equal puppets, for example as a key of the cache.
+"""
 
 from __future__ import annotations
 

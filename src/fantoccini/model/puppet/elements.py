@@ -1,4 +1,8 @@
-"""Parts of a puppet: bodies, strings, springs, its mirror and its start values."""
+"""Parts of a puppet: bodies, strings, springs, its mirror and its start values.
+
+A driven coordinate is given as a function of time: an end or length of a string, or a driven joint.
+A winch changes the length of a string, and a twin is the mirror image of a part.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""Joints: their place on the parent body, coordinates, springs and limits."""
+"""Joints: their place on the parent body, coordinates, springs and limits.
+
+A driven joint is moved by the inputs. Swing-twist divides a rotation into one about the axis
+(twist) and one that tilts it (swing).
+"""
 
 from __future__ import annotations
 

@@ -3,6 +3,9 @@
 With the reflection S, diagonal with one -1 and two 1, mirror images are S p of points, S R S of
 rotations and S I S of inertias. The axis a of a rotation is a pseudo-vector: its mirror image is
 -S a, so that equal angles are mirror images.
+
+A twin is the mirror image of a part; its name has the other word, such as ``left`` for ``right``. A
+drive moves a coordinate by a motor towards its command.
 """
 
 from __future__ import annotations

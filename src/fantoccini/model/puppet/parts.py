@@ -1,4 +1,8 @@
-"""The names of a puppet's parts and of their twins, and the list of mistakes."""
+"""The names of a puppet's parts and of their twins, and the list of mistakes.
+
+A twin is the mirror image of a body, joint or string, and a mistake an error with its place in the
+file.
+"""
 
 from __future__ import annotations
 

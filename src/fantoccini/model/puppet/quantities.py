@@ -2,6 +2,8 @@
 
 The bounds are far wider than the numbers of real puppets. They keep products of several numbers
 finite, so that no file causes an overflow.
+
+A number of a file may be a parameter, which has a name and may change later.
 """
 
 from __future__ import annotations

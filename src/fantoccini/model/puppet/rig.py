@@ -1,4 +1,7 @@
-"""The section `rig` of a puppet file: which parts are limbs and head, and what moves them."""
+"""The section `rig` of a puppet file: which parts are limbs and head, and what moves them.
+
+A limb is an arm, leg, wing, tail or neck.
+"""
 
 from __future__ import annotations
 

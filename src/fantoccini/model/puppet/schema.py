@@ -1,4 +1,8 @@
-"""The schema of a puppet: bodies on joints, hung on strings."""
+"""The schema of a puppet: bodies on joints, hung on strings.
+
+A scene has several puppets, its members. A drive moves a coordinate by a motor, and a twin is the
+mirror image of a part.
+"""
 
 from __future__ import annotations
 

@@ -1,6 +1,9 @@
 """Shapes: geometry for pictures and collisions, and inertia.
 
 A shape with a mass or a density contributes to its body's inertia.
+
+An obstacle is a shape fixed in the world. An inertia has moments and products, about the axes of
+its frame. A solid is a shape of a body or an obstacle.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""Lookup in a puppet's plain data, which may be invalid: parameters, items of lists, texts."""
+"""Lookup in a puppet's plain data, which may be invalid: parameters, items of lists, texts.
+
+Plain data are the dicts, lists, numbers and texts of a file.
+"""
 
 from __future__ import annotations
 

@@ -3,6 +3,9 @@
 Every puppet stands on a massless frame with the member's name, so that its coordinates do not
 depend on its place. With several puppets, the names of a puppet's parts begin with the member's
 name and a dot. In contact pairs a member's name stands for all parts of its puppet.
+
+A prop is a free body, and a rig the body map of a puppet: which bodies are trunk, head and limbs. A
+drive moves a coordinate by a motor.
 """
 
 from __future__ import annotations
@@ -285,7 +288,7 @@ def _add_member(data: dict[str, Any], placement: _PlacedMember, folder: Path) ->
     """Adds the parts of a puppet to the data of the scene.
 
     Returns:
-        The puppet's name of an obstacle that equals one of the scene -> that one's name.
+        Name of a puppet's obstacle that equals an obstacle of the scene -> name of the latter.
     """
     parts = _data_in_scene(placement, plain(placement.puppet), folder)
     if placement.frame != "world":

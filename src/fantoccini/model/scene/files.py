@@ -1,4 +1,7 @@
-"""Scene files, and files that are a scene or a puppet."""
+"""Scene files, and files that are a scene or a puppet.
+
+A scene file places puppets, obstacles and free bodies.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Schema of scene files: puppets with names, positions and poses; props, obstacles, a floor."""
+"""Schema of scene files: puppets with names, positions and poses; props, obstacles, a floor.
+
+A member is a puppet of the scene.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,11 @@
-"""The tree: links in topological order, one-sided rows, and the table of coordinates."""
+"""The tree: links in topological order, one-sided rows, and the table of coordinates.
+
+A link is an entry of the tree: a body on its joint, a driven string end, or a point mass of a
+chain. A row is a string, limit, spring or drive; strings and limits have one-sided conditions h <=
+0. q_D are the dynamic coordinates, which move by the equations of motion, and q_K the driven ones,
+given as functions of time: ends and lengths of strings, driven joints. v_D and v_K are their
+velocities, and n_qD, n_vD, n_qK, n_vK the numbers of these.
+"""
 
 from fantoccini.model.tree.chains import placed
 from fantoccini.model.tree.construction import grow

@@ -1,4 +1,8 @@
-"""Chains: strings as point masses, and their start configuration."""
+"""Chains: strings as point masses, and their start configuration.
+
+q_D are the dynamic coordinates, to which the masses belong, and q_K the driven ones, the ends and
+lengths of strings.
+"""
 
 from __future__ import annotations
 

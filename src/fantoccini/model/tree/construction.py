@@ -1,4 +1,8 @@
-"""Construction of a puppet's tree: links in topological order, rows, coordinates."""
+"""Construction of a puppet's tree: links in topological order, rows, coordinates.
+
+A link is a body on its joint, a driven string end, or a point mass of a chain. A row is a string,
+limit, spring or drive.
+"""
 
 from __future__ import annotations
 

@@ -9,6 +9,9 @@ The role of a coordinate:
 Configuration and velocity differ in size where a joint rotates freely: a ball joint has four
 configuration numbers (a unit quaternion w, x, y, z) and three velocities (the angular velocity in
 the body's frame).
+
+A driven coordinate is an end or length of a string, or a driven joint. Where a drive, a motor with
+a controller, moves it, it is dynamic and its command is driven.
 """
 
 from __future__ import annotations

@@ -1,4 +1,8 @@
-"""Masses and inertias of links and joints as numbers, without symbolic derivation."""
+"""Masses and inertias of links and joints as numbers, without symbolic derivation.
+
+A link is a body on its joint. q_D and q_K are the dynamic and driven coordinates; a drive moves one
+by a motor.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +23,7 @@ def link_inertia(link: Link, number: Value) -> tuple[float, np.ndarray, np.ndarr
 
     Args:
         link: the link.
-        number: value of a number of the puppet.
+        number: function from a number of the file, or its parameter, to the value.
     """
     masses = np.array([number(share.amount) * share.volume for share in link.mass_shares])
     m, com, about_com = float(masses.sum()), np.zeros(3), np.zeros((3, 3))
@@ -51,7 +55,7 @@ def joint_inertias(
     Args:
         tree: the tree.
         q_D, q_K: (n_qD,) dynamic and (n_qK,) driven (kinematic) configuration, all finite.
-        number: value of a number of the puppet.
+        number: function from a number of the file, or its parameter, to the value.
 
     Yields:
         Index of the link, and (k, k) inertias for its joint's velocities: with the joints beyond

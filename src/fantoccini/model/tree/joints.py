@@ -2,6 +2,11 @@
 
 A driven joint with a drive has dynamic coordinates, and driven commands. If only some coordinates
 of a joint have drives, the joint is split: the part without drives carries the part with drives.
+
+q_D and v_D are the dynamic coordinates and velocities, q_K and v_K the driven ones, given as
+functions of time. A drive is a motor that follows a command. A link is a body on its joint. A row
+of the tree describes a string, limit, spring or drive, a row of the coordinate table one
+coordinate.
 """
 
 from __future__ import annotations

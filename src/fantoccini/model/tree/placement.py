@@ -1,4 +1,7 @@
-"""Poses of links and positions of points, by numerical forward kinematics."""
+"""Poses of links and positions of points, by numerical forward kinematics.
+
+A link is a body on its joint. q_D and q_K are the dynamic and driven coordinates.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +26,7 @@ def link_poses(
     Args:
         links: links, parents before children.
         q_D, q_K: (T, n_qD) and (T, n_qK) configurations; one of them may have a single row.
-        number: value of a number of the puppet.
+        number: function from a number of the file, or its parameter, to the value.
 
     Returns:
         (T, n_links, 3, 4).

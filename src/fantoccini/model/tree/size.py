@@ -1,4 +1,7 @@
-"""Sizes of shapes and puppets: the boxes around them."""
+"""Sizes of shapes and puppets: the boxes around them.
+
+A link is a body on its joint. q_D and q_K are the dynamic and driven coordinates of the start pose.
+"""
 
 from __future__ import annotations
 
@@ -20,9 +23,9 @@ class Size:
     Attributes:
         lower, upper: (3,) corners of the box around the moving bodies [m], along the world's axes.
         mass: mass of the moving bodies [kg].
-        hanging_height: height of the strings' highest support above the lowest point of the moving
-            bodies [m]; None if no string has a support.
-        bodies: (n_links, 3) lengths of the boxes around the links' shapes, along their own axes
+        hanging_height: height of the highest support of a string above the lowest point of the
+            moving bodies [m]; None if no string has a support.
+        bodies: (n_links, 3) lengths of the box around each link's shapes, along the link's axes
             [m]; nan for a link without shapes.
         masses: (n_links,) masses of the links [kg].
         poses: (n_links, 3, 4) poses of the links.
@@ -47,7 +50,7 @@ def measure(tree: Tree, number: Value) -> Size:
 
     Args:
         tree: tree of the puppet.
-        number: value of a number of the puppet.
+        number: function from a number of the file, or its parameter, to the value.
     """
     table = tree.coordinates
     q_D, q_K = np.nan_to_num(table.start_D)[None], np.nan_to_num(table.start_K)[None]
@@ -80,12 +83,12 @@ def measure(tree: Tree, number: Value) -> Size:
 
 
 def path_lengths(tree: Tree, poses: np.ndarray, number: Value) -> dict[str, float]:
-    """Lengths of the strings' paths [m]; for a chain, the distance of its ends.
+    """Lengths of the strings' paths [m]; for a chain, the distance between its ends.
 
     Args:
         tree: tree with the strings.
         poses: (n_links, 3, 4) poses of the links.
-        number: value of a number of the puppet.
+        number: function from a number of the file, or its parameter, to the value.
     """
     lengths = {}
     for string in (*tree.strings, *tree.chains):
@@ -97,11 +100,11 @@ def path_lengths(tree: Tree, poses: np.ndarray, number: Value) -> dict[str, floa
 
 
 def shape_box(shape: Shape, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Lower and upper corner (3,) of the box around a shape [m], along the axes of ``pose``.
+    """Lower and upper corner (3,) of the box around a shape, along the axes of a frame [m].
 
     Args:
         shape: shape of a link.
-        pose: (3, 4) pose of the link.
+        pose: (3, 4) pose of the link in this frame.
     """
     R, r = pose[:, :3], pose[:, 3]
     if isinstance(shape, Mesh):

@@ -3,6 +3,10 @@
 The equations of motion are derived from a :class:`Tree`. Every link has one joint to its parent.
 Every joint coordinate and every string length is one row of its
 :class:`~fantoccini.model.tree.coordinates.CoordinateTable`.
+
+Coordinates are dynamic (q_D, moved by the equations of motion) or driven (q_K, given as functions
+of time), v_D and v_K are their velocities. A drive is a motor that moves a coordinate towards its
+command. A winch changes the length of a string.
 """
 
 from __future__ import annotations
@@ -216,7 +220,7 @@ class DriveRow:
         """n: angle of the rotor [rad] per unit of the coordinate.
 
         Args:
-            number: value of a number of the puppet, or its symbol.
+            number: function from a number of the file, or its parameter, to the value or symbol.
         """
         drum = self.drive.drum
         return number(self.drive.gear) / (1.0 if drum is None else number(drum))
@@ -400,7 +404,7 @@ class Tree:
 
         Args:
             q_D, q_K: (..., n_qD), (..., n_qK) configurations.
-            number: value of a number of the puppet.
+            number: function from a number of the file, or its parameter, to the value.
         """
         q_D, q_K = np.asarray(q_D, dtype=float), np.asarray(q_K, dtype=float)
         lengths = np.zeros((*q_K.shape[:-1], len(self.strings)))

@@ -1,4 +1,8 @@
-"""Keys of all bodies: as few as keep each point on them within a tolerance, in the world frame."""
+"""Keys of all bodies: as few as keep each point on them within a tolerance, in the world frame.
+
+A key is a value at a time, between which a player interpolates. A link is a body on its joint. A
+solid is a shape of a body or an obstacle.
+"""
 
 from __future__ import annotations
 

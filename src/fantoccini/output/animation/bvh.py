@@ -5,6 +5,10 @@ zero, and its frames are parallel to the world frame. With W the rotation from z
 the orientation of body k in that pose, body k at orientation R_k has the frame
 
     B_k = W R_k G_k^T W^T.
+
+BVH is a format of captured motion. A channel is one number of a joint in every frame, and a bone
+the line from a joint to the next one. A link is a body on its joint. A solid is a shape of a body
+or an obstacle.
 """
 
 from __future__ import annotations

@@ -4,6 +4,8 @@ Every orientation has two such triples, (alpha, beta, gamma) and (alpha + pi, pi
 gamma + pi), each up to full turns. The triple nearest to that of the previous frame is taken. At
 gimbal lock, beta = +-90 deg, only the sum or difference of alpha and gamma is determined: gamma
 keeps its value.
+
+Gimbal lock means that the first and the last axis are parallel.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""``export``: writes a motion as an animation, in any format."""
+"""``export``: writes a motion as an animation, in any format.
+
+A run is a simulated motion of a puppet.
+"""
 
 from __future__ import annotations
 

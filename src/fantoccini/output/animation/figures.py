@@ -1,4 +1,8 @@
-"""Meshes and materials of solids in a glTF document, without duplicates."""
+"""Meshes and materials of solids in a glTF document, without duplicates.
+
+glTF is a format of scenes in files and on web pages. A node is an object with a pose, and a link a
+body on its joint.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Formats by ending. A new format needs a line in the table and a function that writes it."""
+"""Formats by ending. A new format needs a line in the table and a function that writes it.
+
+A key is a value at a time, between which players interpolate.
+"""
 
 from __future__ import annotations
 

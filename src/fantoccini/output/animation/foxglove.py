@@ -4,6 +4,10 @@ Each frame has the poses of the bodies relative to their parents (``/tf``), the 
 (``/strings``), the coordinates (``/joints``), the tensions [N] (``/tension``), and 1 where the
 motion does not determine a tension or effort (``/undetermined``). Shapes are written once,
 in the bodies' frames (``/bodies``). Messages are in Protocol Buffers, with their schemas.
+
+q_D and q_K are the dynamic and driven coordinates, v and acc their velocities and accelerations. An
+effort is the force of the hand on a driven coordinate. A link is a body on its joint. A solid is a
+shape of a body or an obstacle.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""glTF 2.0 in one file (.glb): y up, metres; each body is a node under its parent's node."""
+"""glTF 2.0 in one file (.glb): y up, metres; each body is a node under its parent's node.
+
+A key is a value at a time, between which a player interpolates; a link is a body on its joint.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""A glTF 2.0 document in one file: numbers in a buffer, everything else as JSON."""
+"""A glTF 2.0 document in one file: numbers in a buffer, everything else as JSON.
+
+A buffer is a block of bytes, and an accessor describes an array of numbers in it. A sampler is an
+array of times with an array of values, and a channel connects it with a node.
+"""
 
 from __future__ import annotations
 

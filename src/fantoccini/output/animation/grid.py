@@ -1,4 +1,9 @@
-"""Samples from which keys are chosen: dense, with one on each side of every impact."""
+"""Samples from which keys are chosen: dense, with one on each side of every impact.
+
+A key is a value at a time, between which players interpolate. q_D and q_K are the dynamic and
+driven coordinates, v and acc their velocities and accelerations. A taut string pulls, a slack one
+does not.
+"""
 
 from __future__ import annotations
 

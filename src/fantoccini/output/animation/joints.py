@@ -1,4 +1,8 @@
-"""Motion of a link in an ancestor's frame: position, orientation, and their rates."""
+"""Motion of a link in an ancestor's frame: position, orientation, and their rates.
+
+A link is a body on its joint. q_D and q_K are the dynamic and driven coordinates, v_D and v_K their
+velocities.
+"""
 
 from __future__ import annotations
 

@@ -3,6 +3,8 @@
 Between two keys a glTF player evaluates a cubic through the values and rates at both, component by
 component, and then normalises quaternions. Keys lie on a fine grid of samples. Each next key is as
 far ahead as the tolerance allows.
+
+An impact is a sudden change of velocity, at which a curve has a kink.
 """
 
 from __future__ import annotations

@@ -1,6 +1,8 @@
 """Placed surfaces of solids; solids share surfaces, so that files store each only once.
 
 Balls and ellipsoids are one unit ball, scaled, and boxes one unit box; equal capsules share one.
+
+A solid is a shape of a body or an obstacle, and a link a body on its joint.
 """
 
 from __future__ import annotations

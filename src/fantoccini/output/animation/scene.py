@@ -1,4 +1,8 @@
-"""Contents of an animation: bodies, strings, floor and obstacles, and the run that moves them."""
+"""Contents of an animation: bodies, strings, floor and obstacles, and the run that moves them.
+
+A link is a body on its joint. A slack string sags, a chain consists of point masses and springs.
+q_D and q_K are the dynamic and driven coordinates.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,10 @@
-"""Spans of a line over time: their directions, frames and sag."""
+"""Spans of a line over time: their directions, frames and sag.
+
+A line is a string, chain or spring, and a span its part between two points of its path. Slip is the
+length that a winch has let out; q_D and q_K are the dynamic and driven coordinates. Slip is the
+length of string that a winch lets out at its largest tension. A taut string pulls, a slack one does
+not.
+"""
 
 from __future__ import annotations
 

@@ -4,6 +4,9 @@ A span is the part of a string between two of its points. It has two joints, nod
 points. A vertex at the share s of the span has weights 1 - s and s, so that a straight span
 needs no keyframes. The joints are turned roughly along the span, which keeps the tube round. A
 slack string sags by morph targets, the principal components of its curves in the run.
+
+A skin is a surface whose vertices move with weighted nodes; a morph target is a displacement of all
+vertices, which is added with a weight.
 """
 
 from __future__ import annotations

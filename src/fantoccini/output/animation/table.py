@@ -1,4 +1,7 @@
-"""CSV: columns of a run, poses of bodies and ends of strings."""
+"""CSV: columns of a run, poses of bodies and ends of strings.
+
+q_D and q_K are the dynamic and driven coordinates.
+"""
 
 from __future__ import annotations
 

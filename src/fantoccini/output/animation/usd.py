@@ -1,4 +1,8 @@
-"""OpenUSD (.usda, .usdc): z up, metres; each body is a prim under its parent's prim."""
+"""OpenUSD (.usda, .usdc): z up, metres; each body is a prim under its parent's prim.
+
+A prim is an object of the file, with a pose that may change over time; a link is a body on its
+joint. A solid is a shape of a body or an obstacle.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Draft of the puppet that a model is converted to: parts, names and report."""
+"""Draft of the puppet that a model is converted to: parts, names and report.
+
+A note tells a difference between the model and its puppet.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Result of an import: a puppet file, and a report of changes and omissions."""
+"""Result of an import: a puppet file, and a report of changes and omissions.
+
+A model is a file of another program.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Import of models of other programs as puppet files."""
+"""Import of models of other programs as puppet files.
+
+MJCF is the format of the simulator MuJoCo, URDF that of robots in ROS.
+"""
 
 from __future__ import annotations
 

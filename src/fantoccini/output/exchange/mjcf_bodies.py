@@ -8,6 +8,10 @@ origins at p_1 to p_n; the last frame is the body, the others have no mass:
 
 For a hinge with the reference angle r the frame is rotated by -r about the axis, for a slide it is
 moved by -r along the axis, so that coordinates equal MuJoCo's.
+
+T and R are a translation and a rotation, pos and quat the pose of the body in its parent, and J_i
+the motion of joint i. A driven coordinate is given as a function of time, and a wire is a string
+that also pushes.
 """
 
 from __future__ import annotations

@@ -1,6 +1,8 @@
 """Refusal of models with so many copied parts that MuJoCo would need too long to load them.
 
 The time to load each copy, and each element that makes copies, grows with the size of the model.
+
+An element may copy its content (`replicate`), or create bodies (`composite`, `flexcomp`).
 """
 
 from __future__ import annotations

@@ -1,8 +1,10 @@
 """MJCF files merged with the files that they include; every element keeps its file and line.
 
-MuJoCo does not report the lines of included elements, nor which lines belong to attached models. So
-it reads a second text: all elements, one per line, below a million empty lines. A line that it then
-reports belongs to an element of the file if it is below the empty lines, else to an attached model.
+MJCF is the XML format of the simulator MuJoCo. MuJoCo does not report the lines of included
+elements, nor which lines belong to attached models: other files, whose parts it copies. So MuJoCo
+reads a second text: a million empty lines, then all elements, one per line. If it reports a line
+after the empty ones, this line is that of an element of the file; otherwise it is in an attached
+model.
 """
 
 from __future__ import annotations
@@ -81,7 +83,7 @@ def with_includes(file: ModelFile) -> ModelFile:
 
 
 def asset_folders(file: ModelFile) -> list[str]:
-    """Folders in which MuJoCo may search for meshes; those that a compiler element names first."""
+    """Folders in which MuJoCo may search for meshes, first those named by a compiler element."""
     first_folder, *other_folders = (
         os.path.dirname(os.fspath(path)) for path in (file.path, *file.included_files)
     )
@@ -103,7 +105,7 @@ def asset_folders(file: ModelFile) -> list[str]:
 
 
 def find_file(name: str, *folders: str) -> str | None:
-    """Path of a file in the first of the folders that contains it, as MuJoCo searches; or None."""
+    """Path of a file in the first folder that contains it, in MuJoCo's order; or None."""
     paths = (os.path.join(folder, name) for folder in folders)
     try:
         return next((path for path in paths if os.path.isfile(path)), None)
@@ -112,7 +114,7 @@ def find_file(name: str, *folders: str) -> str | None:
 
 
 def write_element_lines(mujoco: Any, file: ModelFile, spec: Any) -> None:
-    """Writes the lines in the file's text into the elements of MuJoCo's specification."""
+    """Sets the line numbers of the elements in MuJoCo's specification to those of the text."""
     try:
         shifted_spec = mujoco.MjSpec.from_string(_EMPTY_LINES * "\n" + file.text.decode())
     except (ValueError, RuntimeError, mujoco.FatalError):

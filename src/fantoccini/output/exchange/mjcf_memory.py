@@ -1,6 +1,8 @@
 """Memory check of MJCF: refusal of short models for which MuJoCo would need gigabytes.
 
 The sizes were measured while MuJoCo 4.0 compiled such models, and slightly rounded up.
+
+MJCF is the XML format of the simulator MuJoCo.
 """
 
 from __future__ import annotations

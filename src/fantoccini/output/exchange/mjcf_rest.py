@@ -1,4 +1,7 @@
-"""Geoms of a compiled MuJoCo model as shapes, and notes about elements without counterpart."""
+"""Geoms of a compiled MuJoCo model as shapes, and notes about elements without counterpart.
+
+A geom is a shape in MuJoCo.
+"""
 
 from __future__ import annotations
 

@@ -6,6 +6,9 @@
 - A point that two bodies share becomes three wires of length L, from the point on one body to three
   points at distance L along the axes of the other: |a - b_i|^2 = L^2 has no other solution nearby.
   A weld has three more wires.
+
+A tendon is a string of MuJoCo, a site a point on a body, and a weld a fixed connection of two
+bodies. A wire is a string that also pushes.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""Model files of other programs: format, elements and their lines."""
+"""Model files of other programs: format, elements and their lines.
+
+Xacro is a macro language for URDF, the format of robots in ROS.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Shapes of a puppet file, as plain data, from the solids of other programs' models."""
+"""Shapes of a puppet file, as plain data, from the solids of other programs' models.
+
+A key is here an entry of the puppet file.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""Masses of links without inertia, computed from their solids."""
+"""Masses of links without inertia, computed from their solids.
+
+URDF is the format of robots in ROS; a link is one of its bodies. A hull is the smallest convex
+solid around a mesh or a piece of it.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Conversion of a URDF file, read by yourdfpy, to a puppet file."""
+"""Conversion of a URDF file, read by yourdfpy, to a puppet file.
+
+URDF is the format of robots in ROS: links (bodies) connected by joints.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""Conversion of visuals and collisions of URDF to shapes."""
+"""Conversion of visuals and collisions of URDF to shapes.
+
+URDF is the format of robots in ROS; a visual is a shape for pictures, a collision one for contacts.
+A solid is a shape of a body or an obstacle.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""Reduction of URDF to links, joints and materials in a form that yourdfpy can read."""
+"""Reduction of URDF to links, joints and materials in a form that yourdfpy can read.
+
+URDF is the format of robots in ROS, and xacro a macro language for it. A solid is a shape of a body
+or an obstacle.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""Report of an identification: one self-contained page with pictures."""
+"""Report of an identification: one self-contained page with pictures.
+
+An identification estimates numbers of a puppet from a record of its motion, cut into segments that
+are simulated separately. A jump is the difference of two segments where they meet.
+"""
 
 from __future__ import annotations
 

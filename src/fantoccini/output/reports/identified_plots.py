@@ -1,4 +1,9 @@
-"""Plots of an identification: channels and predictions, residuals, jumps, correlations."""
+"""Plots of an identification: channels and predictions, residuals, jumps, correlations.
+
+A channel is a measured number over time. A segment is a piece of the record that is simulated on
+its own, and a jump the difference of two segments where they meet. In names, D stands for dynamic
+coordinates, which move by the equations of motion.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Panels of the figures in reports: their frames, titles and colour bars."""
+"""Panels of the figures in reports: their frames, titles and colour bars.
+
+Axes are the frame of one plot in a figure.
+"""
 
 from __future__ import annotations
 

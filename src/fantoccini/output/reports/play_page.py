@@ -1,4 +1,9 @@
-"""Report of a play's verification: one self-contained page with pictures."""
+"""Report of a play's verification: one self-contained page with pictures.
+
+A cue is a line of the play: a verb with its player and time. In names, D stands for dynamic
+coordinates, which move by the equations of motion, and K for driven ones: ends and lengths of
+strings, driven joints.
+"""
 
 from __future__ import annotations
 

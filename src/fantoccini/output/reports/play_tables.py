@@ -1,4 +1,9 @@
-"""Tables of a play's verification: cast, cues, clearances, strings and hands, with units."""
+"""Tables of a play's verification: cast, cues, clearances, strings and hands, with units.
+
+A cue is a line of the play, and an owner a player, an obstacle or the floor. A catch is a slack
+string that becomes taut. A marionette is a puppet with its compiled equations; `marionette.puppet`
+is the description in its file.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Plan of a play's stage: marks, obstacles, start positions of players, and their paths."""
+"""Plan of a play's stage: marks, obstacles, start positions of players, and their paths.
+
+A mark is a named place on the stage, and a heading the direction in which a player looks.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""Report of a stand's check: one self-contained page with pictures."""
+"""Report of a stand's check: one self-contained page with pictures.
+
+A stand is the machine that moves a puppet, and an axis one of its motors. A margin is the remaining
+part of a bound, such as the torque.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""Plots of a stand's check: margins, torque against speed, and every axis over time."""
+"""Plots of a stand's check: margins, torque against speed, and every axis over time.
+
+A stand is the machine that moves a puppet, and an axis one of its motors. A margin is the remaining
+part of a bound, such as the torque.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""Timeline of a play: the cues of every player, acts, captions and refused cues."""
+"""Timeline of a play: the cues of every player, acts, captions and refused cues.
+
+A cue is a line of the play: a verb with its player and time. A lane is a row of bars that do not
+overlap.
+"""
 
 from __future__ import annotations
 

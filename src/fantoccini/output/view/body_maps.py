@@ -1,4 +1,8 @@
-"""Picture of a puppet's body map: bodies and strings in the colours of their parts, with names."""
+"""Picture of a puppet's body map: bodies and strings in the colours of their parts, with names.
+
+A body map says which bodies and strings are trunk, head and limbs of a puppet. A link is a body on
+its joint.
+"""
 
 from __future__ import annotations
 

@@ -3,6 +3,8 @@
 Camera axes are right, up and back (towards the eye); depth is the distance from the eye into the
 picture. Azimuth 0 looks at the geometry from +x, azimuth 90 deg from +y; a positive elevation looks
 down on it.
+
+A ball is a centre with a radius, which covers a part of the geometry.
 """
 
 from __future__ import annotations

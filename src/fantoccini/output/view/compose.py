@@ -1,4 +1,7 @@
-"""Polygons of one sample of the geometry, in painting order, shadows first."""
+"""Polygons of one sample of the geometry, in painting order, shadows first.
+
+An occluder is a solid that may hide a string. A handle is a string end that a hand holds.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Plots of measurements against a varied quantity, on logarithmic axes."""
+"""Plots of measurements against a varied quantity, on logarithmic axes.
+
+A power law y ~ x^n is a straight line on such axes.
+"""
 
 from __future__ import annotations
 

@@ -2,6 +2,8 @@
 
 matplotlib is imported when the first sheet is created, and only ``Figure`` objects are used: no
 display, no global state. Names from files are drawn as plain text.
+
+A layout places the geometry in a picture; a slack string sags, a taut one is straight.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""Films of a motion: frames drawn here and encoded by an ffmpeg process."""
+"""Films of a motion: frames drawn here and encoded by an ffmpeg process.
+
+A frame is one picture of the film.
+"""
 
 from __future__ import annotations
 

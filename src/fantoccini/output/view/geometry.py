@@ -1,4 +1,10 @@
-"""Geometry of a puppet and its motion, in metres: everything that is drawn."""
+"""Geometry of a puppet and its motion, in metres: everything that is drawn.
+
+A taut string pulls and a slack one sags; a wire also pushes and is drawn like a taut one. q_D and
+q_K are the dynamic and driven coordinates; slip is the length that a winch has let out. A
+marionette is a puppet with its compiled equations; `marionette.puppet` is the description in its
+file. A link is a body on its joint. A solid is a shape of a body or an obstacle.
+"""
 
 from __future__ import annotations
 
@@ -59,19 +65,19 @@ class Geometry:
         taut: (T, n_strings) whether strings are taut.
         tension: (T, n_strings) tensions [N], or None if unknown.
         colours: each string's own colour, or None.
-        wires: whether each string is a wire.
+        wires: whether each string is a wire, which also pushes.
         springs: (T, 2, 3) ends of each spring [m].
-        chains: (T, n_points, 3) ends and masses of each chain [m].
+        chains: (T, n_points, 3) positions of ends and masses of each chain [m].
         chain_forces: (T, n_chains) mean force of the springs of each chain [N].
         chain_colours: colours of chains, in the form of ``colours``.
         floor: height of the plane with the shadows [m].
-        ground: whether that plane is the world's floor, on which slack strings lie.
+        ground: whether this plane is the world's floor, on which slack strings lie.
         plane: mirror plane of the puppet, or None.
         size: largest side of the bounding box of puppet and strings at the first time [m].
         tree: links and strings, with values in place of parameters.
         arrows: (n, 2, 3) foot and head of the arrows of forces at each time [m]; empty for none.
         guides: (T, n, 3) polylines that the motion is compared with, drawn in front of it [m].
-        max_tension: largest tension of the run, also between the times; 0 if unknown [N].
+        max_tension: largest tension of the run, also at times not in ``t``; 0 if unknown [N].
     """
 
     title: str
@@ -323,7 +329,7 @@ def spring_ends(tree: Tree, poses: np.ndarray) -> tuple[np.ndarray, ...]:
 
 
 def chain_points(tree: Tree, poses: np.ndarray) -> tuple[np.ndarray, ...]:
-    """(..., n_points, 3) ends and masses of each chain [m], from link poses."""
+    """(..., n_points, 3) positions of ends and masses of each chain [m], from link poses."""
     return _points_of(tree.chains, poses)
 
 
@@ -336,7 +342,7 @@ def _points_of(rows: Sequence[SpringRow | ChainRow], poses: np.ndarray) -> tuple
 def mean_chain_forces(
     marionette: Drawable, tree: Tree, poses: np.ndarray, q_D: np.ndarray, q_K: np.ndarray
 ) -> np.ndarray:
-    """(..., n_chains) mean force EA (d / l - 1) of the springs of each chain [N]."""
+    """(..., n_chains) mean force EA (d / l - 1) of springs of lengths d, unstretched l [N]."""
     pulls = []
     for row, points in zip(tree.chains, chain_points(tree, poses), strict=True):
         path = np.linalg.norm(np.diff(points, axis=-2), axis=-1).sum(axis=-1)

@@ -1,4 +1,7 @@
-"""Solids as triangle meshes, for renderers with a depth buffer: the browser and pyvista."""
+"""Solids as triangle meshes, for renderers with a depth buffer: the browser and pyvista.
+
+A crease is an edge at which faces meet at a large angle, and a link a body on its joint.
+"""
 
 from __future__ import annotations
 

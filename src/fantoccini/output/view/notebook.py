@@ -3,6 +3,12 @@
 Nothing is derived or compiled for it (see :mod:`fantoccini.output.view.still`). Every text is
 escaped. A picture that fails is left out; if everything fails, the result is None and the notebook
 shows plain text.
+
+q_D and q_K are the dynamic and driven coordinates. At a catch a slack string becomes taut; slip is
+the length that a winch has let out. A marionette is a puppet with its compiled equations;
+`marionette.puppet` is the description in its file. The ledger is the table of energies and work. A
+link is a body on its joint. A row of the tree describes a string, limit, spring or drive, a row of
+the coordinate table one coordinate.
 """
 
 from __future__ import annotations

@@ -1,4 +1,8 @@
-"""Picture of an optimal motion: poses and paths, errors, tensions and inputs."""
+"""Picture of an optimal motion: poses and paths, errors, tensions and inputs.
+
+q_K are the driven coordinates, the ends and lengths of strings, v_K and acc_K their velocities and
+accelerations.
+"""
 
 from __future__ import annotations
 

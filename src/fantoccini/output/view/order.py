@@ -5,6 +5,8 @@ that overlap in the picture are compared: the one whose surface comes first on m
 through the overlap is nearer. For a box, the side of its visible faces on which the other solid
 lies decides. The comparisons are sorted topologically, farther solids first. Strings are cut where
 they pass from in front of a solid to behind it.
+
+An occluder is a solid with its outline in the picture.
 """
 
 from __future__ import annotations

@@ -1,4 +1,9 @@
-"""Still pictures: a strip of poses, or one state."""
+"""Still pictures: a strip of poses, or one state.
+
+A strip is a row of poses; a link is a body on its joint. In names, D stands for dynamic
+coordinates, which move by the equations of motion, and K for driven ones: ends and lengths of
+strings, driven joints.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Picture of a plan like the paper's Fig. 4: nodes as dots, the path, poses, obstacles."""
+"""Picture of a plan like the paper's Fig. 4: nodes as dots, the path, poses, obstacles.
+
+A node is a state that the search has reached.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,9 @@
-"""Plots of a run against time: tensions, active set, energy ledger, driven coordinates."""
+"""Plots of a run against time: tensions, active set, energy ledger, driven coordinates.
+
+The active set is the set of taut strings, and the ledger the table of energies and work. q_K are
+the driven coordinates, the ends and lengths of strings. In names, D stands for dynamic coordinates,
+which move by the equations of motion. At a catch, a slack string becomes taut, with an impulse.
+"""
 
 from __future__ import annotations
 

@@ -2,6 +2,8 @@
 
 A massless string has no shape when slack; pictures show a thread of the same length
 (:func:`fantoccini.base.catenary`).
+
+A catenary is the curve of a heavy chain that hangs between two points.
 """
 
 from __future__ import annotations

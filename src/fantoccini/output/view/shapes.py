@@ -1,4 +1,7 @@
-"""Solids of a puppet: its shapes, handles, and stand-ins for bodies without a shape."""
+"""Solids of a puppet: its shapes, handles, and stand-ins for bodies without a shape.
+
+A handle is a string end that a hand holds; a link is a body on its joint.
+"""
 
 from __future__ import annotations
 

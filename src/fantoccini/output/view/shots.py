@@ -1,4 +1,8 @@
-"""Cameras of a film from the shots of a play: cuts, and smooth moves from one shot to the next."""
+"""Cameras of a film from the shots of a play: cuts, and smooth moves from one shot to the next.
+
+A shot is a time of the film with one aim of its camera. A link is a body on its joint. A solid is a
+shape of a body or an obstacle.
+"""
 
 from __future__ import annotations
 

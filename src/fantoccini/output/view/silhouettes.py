@@ -3,6 +3,9 @@
 A round solid is a stack of copies of its outline, shrunk towards the light in increasingly light
 colours; a flat-sided solid is its visible faces with Lambert shading. Outlines of ellipsoids are
 exact; those of capsules are the hulls of the discs of their end spheres.
+
+Lambert shading makes a face lighter the more it is turned towards the light. A link is a body on
+its joint.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""Soft shadows on the floor of a stage, as one picture: overlapping shadows do not add up."""
+"""Soft shadows on the floor of a stage, as one picture: overlapping shadows do not add up.
+
+A sample is one saved instant of the motion. A solid is a shape of a body or an obstacle.
+"""
 
 from __future__ import annotations
 

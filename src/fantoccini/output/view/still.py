@@ -1,6 +1,8 @@
 """Poses by forward kinematics in NumPy, for pictures of a puppet that is not compiled.
 
 A notebook shows a puppet at the end of a cell; compiling it for that would take seconds to minutes.
+
+q_D and q_K are the dynamic and driven coordinates. A taut string pulls, a slack one does not.
 """
 
 from __future__ import annotations

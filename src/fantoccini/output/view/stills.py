@@ -1,4 +1,7 @@
-"""Stills of a play: pictures of every act from the audience's position, with one camera."""
+"""Stills of a play: pictures of every act from the audience's position, with one camera.
+
+An act is a part of a play.
+"""
 
 from __future__ import annotations
 

@@ -2,6 +2,8 @@
 
 Background, floor, shadows and captions are those of the matplotlib renderer. pyvista is imported
 when the first studio is created; with Mesa's EGL or OSMesa it needs no display.
+
+A depth buffer, unlike a painting order, decides for every pixel what is nearest.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""Captions at the lower edge of films, and as files for players."""
+"""Captions at the lower edge of films, and as files for players.
+
+A caption is a text with the time at which it is shown.
+"""
 
 from __future__ import annotations
 

@@ -3,6 +3,10 @@
     R_i = R_parent R_1 R_2 R_3,   p_i = p_parent + R_parent (o_i or its position channels)
 
 with the rotations of a joint's channels in the order in which the file lists them.
+
+A channel is one number of a joint in every frame: a coordinate of its position, or an angle about
+an axis. o_i is the offset of a joint from its parent, in the parent's axes; R_i and p_i are its
+orientation and position.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""Captured motion: a skeleton and the positions of its joints over time."""
+"""Captured motion: a skeleton and the positions of its joints over time.
+
+A clip is a captured motion, and a frame one of its instants.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,11 @@
-"""The cast of a play: its file, its players and companies, props and cues."""
+"""The cast of a play: its file, its players and companies, props and cues.
+
+A player is a puppet of the play, a prop a body that players handle, and a cue a line of the play: a
+verb with its player and time. A company is a group of players and props that may touch one another
+and are simulated together. A footing is the place of a puppet or prop on the stage and its heading,
+the angle of its forward direction. The physique of a puppet is the set of sizes and strings that
+gestures with props need.
+"""
 
 from fantoccini.theatre.cast import prop_gestures
 from fantoccini.theatre.cast.actors import Actor, Corrections

@@ -1,4 +1,10 @@
-"""Players while their cues are placed, and corrections from earlier rounds of compiling."""
+"""Players while their cues are placed, and corrections from earlier rounds of compiling.
+
+An actor is a player while the play is compiled: in a round, all cues are placed in time and
+simulated, and the faults of the run become corrections for the next round. A footing is a place and
+a heading. A lane is a list of gestures in order. A spot is the list of keys that leads to an entry
+of the file.
+"""
 
 from __future__ import annotations
 
@@ -50,7 +56,7 @@ class Actor:
         return self.footing_at(np.inf)
 
     def rested(self) -> Actor:
-        """The actor with all its strings brought to rest."""
+        """The actor with all its strings stopped smoothly."""
         return replace(self, hands=self.hands.rested())
 
     def motion(self, until: float) -> tuple[Gesture, dict[str, Gesture]]:

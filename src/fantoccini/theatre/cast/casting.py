@@ -1,4 +1,10 @@
-"""Cast of a play: players and props on the stage, read from the play's file."""
+"""Cast of a play: players and props on the stage, read from the play's file.
+
+q_D are the dynamic coordinates of the scene, q_K the driven ones: ends and lengths of strings. A
+member of a scene is one of its puppets, and a body map says which bodies are its trunk and limbs. A
+spot is the list of keys that leads to an entry of the file. A link is a body on its joint. Mistakes
+of the file are recorded in a log.
+"""
 
 from __future__ import annotations
 

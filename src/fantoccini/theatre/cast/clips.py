@@ -1,4 +1,8 @@
-"""Clips of motion capture that cues perform, as gestures on the spot."""
+"""Clips of motion capture that cues perform, as gestures on the spot.
+
+A clip is a captured motion of a person. On the spot means that its motion over the floor is left
+out. The stage is the scene with all players, props and obstacles.
+"""
 
 from __future__ import annotations
 

@@ -2,6 +2,12 @@
 
 At every time the play is divided into companies; a player that touches nobody is one by itself.
 Where a prop is taken, given or left, companies change, and members continue from their states.
+
+A meeting is a time during which certain players and props may touch. q_D are dynamic coordinates,
+q_K driven ones (ends and lengths of strings); slip is the length of string that a winch has let out
+because the tension was too large. A marionette is a puppet with its compiled equations;
+`marionette.puppet` is the description in its file. A taut string pulls, a slack one does not.
+Breaks are the times at which the pieces of a motion meet, and `coef` their coefficients.
 """
 
 from __future__ import annotations

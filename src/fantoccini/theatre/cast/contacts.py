@@ -1,4 +1,7 @@
-"""Pairs that may touch in a play: forearms and props that hang on them, seats and sitters."""
+"""Pairs that may touch in a play: forearms and props that hang on them, seats and sitters.
+
+A pair is the names of two bodies, or of a body and an obstacle. All other pairs must stay apart.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""Costumes: other colours of a puppet, so that players of one file differ in pictures."""
+"""Costumes: other colours of a puppet, so that players of one file differ in pictures.
+
+A player is a puppet of a play. A spot is the list of keys that leads to an entry of the file.
+Mistakes of the file are recorded in a log.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,9 @@
-"""Cues of a play with their players, and the times at which they begin."""
+"""Cues of a play with their players, and the times at which they begin.
+
+A cue is a line of a play: a verb with its players and its time. A lane is a list of cues or
+gestures in order, and a shot is a time of the film with its camera. A spot is the list of keys that
+leads to an entry of the file. Mistakes of the file are recorded in a log.
+"""
 
 from __future__ import annotations
 

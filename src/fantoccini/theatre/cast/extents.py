@@ -1,4 +1,7 @@
-"""Extents of shapes along the axes."""
+"""Extents of shapes along the axes.
+
+The extent of a shape is the range of its coordinates along an axis, as for a bounding box.
+"""
 
 from __future__ import annotations
 

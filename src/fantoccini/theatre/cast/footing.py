@@ -1,4 +1,7 @@
-"""Footings of puppets on the stage, their walks, and reasons why no walk exists."""
+"""Footings of puppets on the stage, their walks, and reasons why no walk exists.
+
+A footing is the place of a puppet on the stage and its heading, the angle of its forward direction.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,9 @@
-"""Leashes of a play: slack strings from a player's hand to the neck of another player."""
+"""Leashes of a play: slack strings from a player's hand to the neck of another player.
+
+A string is slack if it is longer than its path; it does not pull then. q_D are dynamic coordinates,
+q_K driven ones (ends and lengths of strings). A spot is the list of keys that leads to an entry of
+the file. Mistakes of the file are recorded in a log.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,10 @@
-"""Sizes and strings of a puppet for gestures with props and seats, from its body map."""
+"""Sizes and strings of a puppet for gestures with props and seats, from its body map.
+
+A body map says which bodies and strings are the trunk, head and limbs of a puppet. A member is a
+puppet of a scene. In names, D stands for dynamic coordinates, which move by the equations of
+motion, and K for driven ones: ends and lengths of strings, driven joints. A row of the tree
+describes a string, limit, spring or drive, a row of the coordinate table one coordinate.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,9 @@
-"""Players of a cast: each puppet in a scene of its own, and its state on the stage."""
+"""Players of a cast: each puppet in a scene of its own, and its state on the stage.
+
+A footing is a place on the stage with a heading. q_D are the dynamic coordinates of a puppet, q_K
+the driven ones: ends and lengths of its strings. A marionette is a puppet with its compiled
+equations; `marionette.puppet` is the description in its file. A link is a body on its joint.
+"""
 
 from __future__ import annotations
 

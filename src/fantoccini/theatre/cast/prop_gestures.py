@@ -7,6 +7,9 @@ written for an arm of 19 cm and multiplied by the ratio of lengths for others. A
 handle across a forearm, held by friction alone. A handle is a T: a bar with free ends on a stem.
 The arm lies under one half of the bar. It moves there and away sideways, so the bar never meets a
 string.
+
+q_K are the driven coordinates, the ends and lengths of strings; q_K0 are their values at rest and
+d(t) the offsets of the gesture. A member is a puppet of a scene.
 """
 
 from __future__ import annotations

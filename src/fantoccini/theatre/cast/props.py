@@ -1,4 +1,9 @@
-"""Props of a play, with their holders and places at the start."""
+"""Props of a play, with their holders and places at the start.
+
+A prop is a body that players handle: it stands at a footing, a place with a heading, or it hangs by
+its handle on the forearm of a player. A spot is the list of keys that leads to an entry of the
+file. Mistakes of the file are recorded in a log.
+"""
 
 from __future__ import annotations
 
@@ -33,13 +38,15 @@ class PlayProp:
 
     Attributes:
         prop: prop of the scene, at the start.
-        handle_height: height of the bar by which it hangs on a forearm; None without a handle [m].
-        seat_height: height of the seat; None without a seat [m].
+        handle_height: height above its bottom of the bar by which it hangs on a forearm [m]; None
+            without a handle.
+        seat_height: height of the seat above its bottom [m]; None without a seat.
         held_by: player that holds it at the start; "" if it stands.
-        side: side of the forearm on which it hangs then.
-        footing: place at the start and direction of its x axis; that of the holder if it is held.
+        side: ``left`` or ``right``, the forearm on which it hangs at the start.
+        footing: place at the start and direction of its x axis; if it is held, the latter is the
+            direction in which the holder looks.
         bottom_height: height of its bottom at the start [m].
-        content_key: key of its shapes, mass and other properties except its place.
+        content_key: key in the cache, from its shapes, mass and other properties except its place.
     """
 
     prop: Prop
@@ -58,7 +65,7 @@ class PlayProp:
 
     @property
     def bottom_radius(self) -> float:
-        """Largest distance of the shapes on which it stands from its axis, along x or y [m]."""
+        """Largest distance from its axis, along x or y, of the shapes at its bottom [m]."""
         boxes = [np.array(bounding_box(shape)) for shape in self.prop.shapes]
         bottom_boxes = [box for box in boxes if box[0, 2] <= _BOTTOM_TOLERANCE]
         return max((float(np.abs(box[:, :2]).max()) for box in bottom_boxes), default=0.0)
@@ -91,13 +98,13 @@ def read_props(
     places: Places,
     log: ScriptLog,
 ) -> dict[str, PlayProp]:
-    """The props of a play; records mistakes.
+    """The props of a play; mistakes of the file are recorded in the log.
 
     Args:
         file: the play.
         start_footings: footings of the players at the start.
         marionettes: puppets of the players, each in a scene of its own.
-        places: meaning of names of places.
+        places: converter of names of places to positions.
         log: collects mistakes.
     """
     play_props: dict[str, PlayProp] = {}

@@ -1,6 +1,12 @@
 """Cache of results of compiled plays, across rounds, calls and processes.
 
 Keys hold all that results depend on; on disk, also the package, the libraries and the processor.
+
+A round places and simulates all cues of a play once. A digest is a hash of everything that a result
+depends on; a disk format converts a result to arrays and back. In names, D stands for dynamic
+coordinates, which move by the equations of motion, and K for driven ones: ends and lengths of
+strings, driven joints. Breaks are the times at which the pieces of a motion meet, and `coef` their
+coefficients.
 """
 
 from __future__ import annotations

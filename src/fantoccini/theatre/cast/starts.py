@@ -1,4 +1,8 @@
-"""Places of players at the start, and names of places and directions."""
+"""Places of players at the start, and names of places and directions.
+
+A mark is a named place on the stage, and a footing a place with a heading. A spot is the list of
+keys that leads to an entry of the file. Mistakes of the file are recorded in a log.
+"""
 
 from __future__ import annotations
 

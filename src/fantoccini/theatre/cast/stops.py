@@ -1,4 +1,7 @@
-"""Early stops of a play's runs, and the errors that cause them."""
+"""Early stops of a play's runs, and the errors that cause them.
+
+A company is a group of players and props that are simulated together.
+"""
 
 from __future__ import annotations
 

@@ -6,6 +6,10 @@ z = x + i y is the place of string ends, path that of :class:`StepPath`, L_leg t
 strings. While a leg stands, tau_leg is constant, and its strings' ends are at the place that the
 body reaches in the middle of that time; while it swings, tau_leg advances with minimum jerk, and up
 rises from 0 to 1 and returns. Lengths are shares of the legs' mean length; a step is half a cycle.
+
+tau_leg is thus the time on the path at which the body is above the foot of this leg. The duty is
+the share of a cycle in which a leg stands. A member is a puppet of a scene. The heading is the
+angle of the forward direction, seen from above.
 """
 
 from __future__ import annotations

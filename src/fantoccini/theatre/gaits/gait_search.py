@@ -6,6 +6,9 @@ Feet that lift or stand too little, a tilting trunk and a wrong distance add pen
 with half the time step then decides whether the puppet walks. Only this one has contact forces: the
 search measures how far the lowest points and the corners of boxes slide. The cache keeps gait and
 verdict.
+
+A foot slides if it moves over the floor while it carries load; the slide is the distance. A member
+is a puppet of a scene.
 """
 
 from __future__ import annotations

@@ -4,7 +4,10 @@
 
 d is the displacement of a foot's origin until the next sample, w its rotation vector, and m the
 place of a point relative to that origin: the mean of a point that carries load now and of the
-nearest one then. On a foot that rolls the point moves, and nothing slides.
+nearest one then. On a foot that rolls the point moves, and nothing slides. A marionette is a puppet
+with its compiled equations; `marionette.puppet` is the description in its file. In names, D stands
+for dynamic coordinates, which move by the equations of motion, and K for driven ones: ends and
+lengths of strings, driven joints.
 """
 
 from __future__ import annotations

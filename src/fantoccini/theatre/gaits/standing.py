@@ -1,4 +1,10 @@
-"""Lengths of strings at which a puppet's legs hang freely and its soles just reach the floor."""
+"""Lengths of strings at which a puppet's legs hang freely and its soles just reach the floor.
+
+A sole is the lowest part of a foot. q_D are dynamic coordinates, q_K driven ones (ends and lengths
+of strings); a slack string does not pull. A marionette is a puppet with its compiled equations;
+`marionette.puppet` is the description in its file. The heading is the angle of the forward
+direction, seen from above.
+"""
 
 from __future__ import annotations
 

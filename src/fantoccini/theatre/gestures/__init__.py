@@ -1,4 +1,11 @@
-"""Gestures: short, named motions of part of a puppet, relative to where it hangs."""
+"""Gestures: short, named motions of part of a puppet, relative to where it hangs.
+
+q_K(t) = q_K0 + d(t): a gesture is the offset d of driven coordinates q_K (ends and lengths of
+strings, driven joints) from their values q_K0 at rest. It is a piecewise polynomial with the
+coefficients `coef` between the times `breaks`, for each of the n_vK driven velocities. A mark is a
+named time of a gesture. A cue is a line of a score or play: a verb with its player and time. A lane
+is a list of cues in order; the offsets of all lanes add up. A puppet of a scene is a member.
+"""
 
 from fantoccini.theatre.gestures import piecewise, stepping
 from fantoccini.theatre.gestures.aiming import check_parts

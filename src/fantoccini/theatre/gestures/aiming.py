@@ -3,6 +3,11 @@
 A hand moves to 90 % of the arm's length from the shoulder. A head does not turn by its string: all
 ends of the strings turn about the middle between the shoulders, and the head's string tilts the
 face.
+
+A hanging pose is the pose at rest for given driven coordinates q_K, the ends and lengths of
+strings. A marionette is a puppet with its compiled equations; `marionette.puppet` is the
+description in its file. A member is a puppet of a scene. The heading is the angle of the forward
+direction, seen from above.
 """
 
 from __future__ import annotations

@@ -3,6 +3,12 @@
 A puppet on a control has bars as parts, too: the control, and for each kind of limb the bar to
 which all its strings are tied. A gesture moves parts by offsets for a body of certain sizes; for
 another body they are multiplied by the ratio of the sizes.
+
+A body map says which bodies and strings are trunk, head and limbs. A bar is a body that the hand
+holds and to which strings are tied. A member is a puppet of a scene. A marionette is a puppet with
+its compiled equations; `marionette.puppet` is the description in its file. In names, D stands for
+dynamic coordinates, which move by the equations of motion, and K for driven ones: ends and lengths
+of strings, driven joints. A link is a body on its joint.
 """
 
 from __future__ import annotations

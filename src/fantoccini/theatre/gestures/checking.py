@@ -1,6 +1,11 @@
 """Checks of a score's motion; each finding names the cue that moves at its time.
 
 They report exceeded bounds, hands that move at waits, and loops that do not close.
+
+A cue is a line of a score with a gesture. `breaks` are the times at which the pieces of a motion
+meet, and `coef` the coefficients of each piece. At a wait, a live performance waits for GO. In
+names, K stands for driven coordinates: ends and lengths of strings, driven joints. A spot is the
+list of keys that leads to an entry of the file. Mistakes of the file are recorded in a log.
 """
 
 from __future__ import annotations

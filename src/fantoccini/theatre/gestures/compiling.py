@@ -1,4 +1,9 @@
-"""Compiler of score files: lanes become one motion; captions, waits and sounds get times."""
+"""Compiler of score files: lanes become one motion; captions, waits and sounds get times.
+
+A lane is a list of gestures in order; the offsets of all lanes add up. A mark is a named time. In
+names, K stands for driven coordinates: ends and lengths of strings, driven joints. A spot is the
+list of keys that leads to an entry of the file. Mistakes of the file are recorded in a log.
+"""
 
 from __future__ import annotations
 

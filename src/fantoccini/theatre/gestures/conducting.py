@@ -1,6 +1,9 @@
 """Time of scores in live performances: it runs, waits or loops until GO.
 
 t <- t + dt,   t <= t_wait,   or   t <- loop_start + (t - loop_start) mod (t_wait - loop_start)
+
+GO is the command of the conductor. t_wait is the time of the next wait, and the part of the score
+from loop_start to t_wait repeats until GO.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""Walking with a control: the leg bar rocks while the hand moves the control forward."""
+"""Walking with a control: the leg bar rocks while the hand moves the control forward.
+
+A control is the body that the hand holds, with bars to which the strings are tied.
+"""
 
 from __future__ import annotations
 

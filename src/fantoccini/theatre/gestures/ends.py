@@ -4,6 +4,9 @@
 
 z = x + i y is the middle between the shoulders' ends, theta the heading, a an end's place relative
 to the middle at the start, w the sway.
+
+The carrying strings hold the trunk; n_vK is the number of driven velocities, and `coef` are the
+coefficients of the polynomials between `breaks`.
 """
 
 from __future__ import annotations

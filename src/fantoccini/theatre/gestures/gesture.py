@@ -1,4 +1,4 @@
-"""Gestures: offsets of driven coordinates from the puppet's rest, over time.
+"""Gestures: offsets d(t) of driven coordinates q_K, such as string ends and lengths, from rest.
 
     q_K(t) = q_K0 + d(t),   rotations: R(t) = R_0 exp([d(t)]x)
 

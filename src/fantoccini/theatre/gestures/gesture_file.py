@@ -1,4 +1,10 @@
-"""Reader of gesture files in YAML, which reports every mistake with its location."""
+"""Reader of gesture files in YAML, which reports every mistake with its location.
+
+A gesture file gives offsets of strings at times, or key poses: places of points of bodies, from
+which the lengths and ends of strings are computed. A take is a recording of a performance for
+editing. In names, K stands for driven coordinates: ends and lengths of strings, driven joints. A
+member is a puppet of a scene.
+"""
 
 from __future__ import annotations
 

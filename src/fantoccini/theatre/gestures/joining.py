@@ -1,4 +1,8 @@
-"""Motions in a row, joined by their states: position and velocity are continuous."""
+"""Motions in a row, joined by their states: position and velocity are continuous.
+
+A motion consists of polynomials with coefficients `coef` between the times `breaks`, for each of
+the n_vK driven velocities. A transition leads from the end of a motion to the start of the next.
+"""
 
 from __future__ import annotations
 

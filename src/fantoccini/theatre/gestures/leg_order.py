@@ -2,7 +2,7 @@
 
 A leg with phase p leaves the floor p cycles after the first one. Patterns are those of Hildebrand
 (The quadrupedal gaits of vertebrates, BioScience 39, 1989): lateral sequence, diagonal and lateral
-couplets, all legs at once; six legs walk on tripods.
+couplets, all legs at once; six legs walk on tripods. A link is a body on its joint.
 """
 
 from __future__ import annotations

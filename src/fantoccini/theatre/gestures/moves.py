@@ -1,4 +1,10 @@
-"""Names in gestures: driven coordinates, or strings, bodies and directions; mirror images."""
+"""Names in gestures: driven coordinates, or strings, bodies and directions; mirror images.
+
+Driven coordinates q_K are ends and lengths of strings and driven joints; v_K are their velocities,
+and an orientation has three. A channel is a coordinate, or the three parts of a rotation vector. A
+row of the tree describes a string, limit, spring or drive, a row of the coordinate table one
+coordinate.
+"""
 
 from __future__ import annotations
 

@@ -8,6 +8,11 @@ joint for an offset, those of the body for a rotation vector.
 
 If a puppet looks along y, an end of a string that is driven along y alone is driven along its own
 x alone. Such own coordinates keep the indices of the file's, but have names of their own.
+
+A driven coordinate is the end or length of a string, or a driven joint; v_K are their velocities. A
+member is a puppet of a scene. Breaks are the times at which the pieces of a motion meet, and `coef`
+their coefficients. A link is a body on its joint. A row of the tree describes a string, limit,
+spring or drive, a row of the coordinate table one coordinate.
 """
 
 from __future__ import annotations

@@ -1,4 +1,8 @@
-"""Gestures computed from numbers and places: walking, pointing and looking."""
+"""Gestures computed from numbers and places: walking, pointing and looking.
+
+A member is a puppet of a scene; its name begins the names of its coordinates. In names, K stands
+for driven coordinates: ends and lengths of strings, driven joints.
+"""
 
 from __future__ import annotations
 

@@ -1,7 +1,12 @@
-"""Performance of a script's cues in order, as a function from state to state.
+"""Performance of a script's cues in order, each from one state of the stage to the next.
 
 Scores and plays are performed in the same way. They differ in the verbs of their cues, and in the
 treatment of a cue that would be late: see :class:`LatenessPolicy`.
+
+A script is the list of cues of a score or a play, and a cue a verb with its player and time. A lane
+is a list of gestures in order; the offsets of all lanes add up. In names, K stands for driven
+coordinates: ends and lengths of strings, driven joints. A spot is the list of keys that leads to an
+entry of the file.
 """
 
 from __future__ import annotations
@@ -84,7 +89,7 @@ class Hands:
 
     Attributes:
         lanes: lanes of a score, or of a player in a play, with the walks in the first.
-        busy: gestures so far, for a player in a play.
+        busy: times of the gestures so far, for a player in a play.
     """
 
     lanes: tuple[MotionSequence, ...]
@@ -93,7 +98,7 @@ class Hands:
     @property
     def end(self) -> float:
         """End of all lanes [s]."""
-        return max(line.end for line in self.lanes)
+        return max(sequence.end for sequence in self.lanes)
 
     def free_lane(self, gesture: Gesture, begin: float) -> tuple[int, float]:
         """Lane for a gesture, and the time at which it can begin there [s].
@@ -117,7 +122,7 @@ class Hands:
         return len(self.lanes), begin
 
     def add(self, lane: int, gesture: Gesture, begin: float) -> tuple[Hands, AddedMotion]:
-        """The hands with a gesture that begins at a time or soon after, and its line.
+        """The hands with a gesture that begins at a time or soon after, and its motion in the lane.
 
         Args:
             lane: index of the lane; the number of lanes for a new one.
@@ -132,7 +137,7 @@ class Hands:
         return replace(self, lanes=tuple(lanes)), addition
 
     def add_busy(self, lane: int, gesture: Gesture, begin: float) -> tuple[Hands, float]:
-        """The hands with a gesture that occupies its strings; and its beginning [s]."""
+        """The hands with a gesture that keeps others off its strings; and its beginning [s]."""
         hands, addition = self.add(lane, gesture, begin)
         start = addition.start
         busy = Busy(lane, start, start + gesture.duration, gesture.named)
@@ -147,7 +152,7 @@ class Hands:
         return replace(self, lanes=lanes)
 
     def check_turns(self, table: CoordinateTable, before: Hands) -> None:
-        """Checks the turns of bodies by all lanes together, where lanes have been added.
+        """Checks that all lanes together turn no body too far, where lanes have been added.
 
         Args:
             table: coordinates of the puppet.
@@ -204,7 +209,7 @@ class Hands:
 
 @dataclass(frozen=True)
 class CuePart:
-    """Part of one player in a cue.
+    """Part of one player in a cue: its gesture, with the times.
 
     Attributes:
         who: player; "" in a score.
@@ -224,11 +229,11 @@ class CuePart:
 
 @dataclass(frozen=True, eq=False)
 class PendingCue(Generic[CueT]):
-    """Cue to be placed next.
+    """Cue whose time and gesture are to be determined next.
 
     Attributes:
         cue: cue of the file, with its players.
-        wanted_time: wanted time of the cue, or of its mark in `on` [s].
+        wanted_time: time that the file demands for the cue, or for its mark in `on` [s].
         start: start of its act [s].
         moments: keys of a placed cue or mark -> its moments.
     """
@@ -256,12 +261,12 @@ class PendingCue(Generic[CueT]):
 
 @dataclass(frozen=True)
 class PlacedCue(Generic[CueT]):
-    """Placed cue.
+    """Cue whose time and gestures are determined, or that is refused.
 
     Attributes:
         cue: cue of the file, with its players.
-        wanted_time: wanted time of the cue, or of its mark in `on` [s].
-        parts: parts of the players; empty if it cannot be done.
+        wanted_time: time that the file demands for the cue, or for its mark in `on` [s].
+        parts: parts of the players in it; empty if it cannot be done.
         moments: mark, ``start`` or ``end`` -> time [s]; of several players the last.
         refused: reason why it cannot be done; "" if it can.
     """

@@ -1,4 +1,9 @@
-"""Piecewise quintic offsets of all driven velocities: coef (n, n_vK, 6) between breaks (n + 1,)."""
+"""Piecewise quintic offsets of all driven coordinates over time.
+
+A motion of n pieces has the times `breaks` (n + 1,) at which the pieces meet, and the coefficients
+`coef` (n, n_vK, 6) in ascending powers of the time since the piece began. n_vK is the number of
+driven velocities.
+"""
 
 from __future__ import annotations
 

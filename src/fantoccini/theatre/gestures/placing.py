@@ -1,6 +1,12 @@
 """Performance of scores: each cue begins on time, or as soon after as the bounds allow.
 
 A score is a play with one player, whose lanes the file names.
+
+A lane is a list of cues in order; the gestures of several lanes add up. A cue is late if a bound of
+speed or acceleration keeps its gesture from beginning on time. A phrase is a part of a score that
+is played like a gesture. In names, K stands for driven coordinates: ends and lengths of strings,
+driven joints. A spot is the list of keys that leads to an entry of the file. Mistakes of the file
+are recorded in a log.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""Parts of a displacement that a puppet can reach, for messages."""
+"""Parts of a displacement that a puppet can reach, for messages.
+
+A part is the k-th of n equal parts of the displacement.
+"""
 
 from __future__ import annotations
 

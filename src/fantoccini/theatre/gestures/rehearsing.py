@@ -6,6 +6,11 @@ x_k is the position of a string's end under the hands' motion u_k, x_hang its ha
 the score's motion; S smooths. The a_i fit u = a_0 x + a_1 dx/dt + a_2 d^2x/dt^2 to the first run:
 the equation of a pendulum on a string. (Iterative learning control: Arimoto, Kawamura and
 Miyazaki, 1984.)
+
+g is the learning gain. A limb is on time if its string end turns back at the mark, the named time
+of its gesture. In names, D stands for dynamic coordinates, which move by the equations of motion,
+and K for driven ones: ends and lengths of strings, driven joints. Breaks are the times at which the
+pieces of a motion meet, and `coef` their coefficients.
 """
 
 from __future__ import annotations

@@ -1,6 +1,9 @@
 """Scores: gestures of a puppet in lanes, on beats; compiled to one motion of its hands.
 
 q_K(t) = q_K0 + sum over lanes of d_lane(t)
+
+q_K are the driven coordinates, the ends and lengths of the strings that the hands move; q_K0 are
+their values at rest. A lane is a list of gestures in order, with the offsets d_lane.
 """
 
 from __future__ import annotations
@@ -37,13 +40,13 @@ class Caption:
 
 @dataclass(frozen=True)
 class PlayedGesture:
-    """A gesture in the time of a score.
+    """A gesture that a score plays, with its times in the score.
 
     Attributes:
         lane, gesture: names of the lane and of the gesture.
         start, end: times at which it begins and ends [s].
         marks: mark of the gesture -> time [s].
-        name: name by which the score's times refer to it.
+        name: name of its cue, to which other times of the score may refer.
     """
 
     lane: str
@@ -61,8 +64,8 @@ class Wait:
     Attributes:
         name: name of the wait.
         t: the score's time at which it waits [s].
-        loop_start: start of the part that repeats until ``t`` while it waits [s]; None if the score
-            stands still.
+        loop_start: start of the part that repeats until ``t``, during the wait [s]; None if the
+            score stands still.
     """
 
     name: str
@@ -77,7 +80,7 @@ class Sound:
     Attributes:
         path: path of the file.
         start: beginning of the sound [s].
-        gain: factor of its loudness.
+        gain: factor by which its amplitude is multiplied.
         duration: duration of the file [s].
     """
 
@@ -89,7 +92,7 @@ class Sound:
 
 @dataclass(frozen=True, eq=False)
 class Score:
-    """A compiled score, from :func:`load_score`; true if nothing was changed in compiling.
+    """A compiled score, from :func:`load_score`. It is true if compiling changed nothing.
 
     Attributes:
         marionette: puppet that performs it.
@@ -100,8 +103,9 @@ class Score:
         beat: duration of a beat [s]; 1 if times are in seconds.
         changes: deviations from the file and their reasons, with file and line.
         name: name of the score.
-        speed, acceleration: bounds of the driven coordinates, for all or by name.
-        waits: waits of live performances, in order; elsewhere they take no time.
+        speed, acceleration: bounds of the speed and acceleration of driven coordinates, for all or
+            by name.
+        waits: waits of live performances, in order; other runs of the score do not wait.
         sounds: sounds with their times.
         lanes: lane -> its own motion.
         tempo: beats in a minute; None if times are in seconds.
@@ -140,13 +144,13 @@ class Score:
         return self.gesture.duration
 
     def inputs(self, x0: State) -> Input:
-        """Motion of the hands from a state at rest; the score's time 0 is the state's time."""
+        """Input of the driven coordinates; the time of the state at rest is the score's time 0."""
         inputs = self.gesture.inputs(x0, speed=self.speed, acceleration=self.acceleration)
         return inputs.with_name(self.name)
 
     def offsets(self, t: float) -> tuple[VecK, VecK]:
         """(n_vK,) offsets d(t) from the puppet's rest and (n_vK,) their rates.
 
-        Before the start and after the end they are those at the start and the end [m or rad, s].
+        Before the start and after the end, both are as at the start or the end [m or rad, per s].
         """
         return self.gesture.offsets(t)

@@ -1,4 +1,9 @@
-"""Gestures of a score's cues: from files, or phrases of the score itself."""
+"""Gestures of a score's cues: from files, or phrases of the score itself.
+
+A cue is a line of a score. A phrase is a part of a score that cues play like a gesture. In names, K
+stands for driven coordinates: ends and lengths of strings, driven joints. A spot is the list of
+keys that leads to an entry of the file. Mistakes of the file are recorded in a log.
+"""
 
 from __future__ import annotations
 
@@ -55,7 +60,7 @@ class ScoreGestures:
             self._phrase(name, ("phrases", name))
 
     def for_cue(self, cue: PlayedCue, spot: Spot) -> tuple[Gesture, Gesture] | None:
-        """Gesture of a cue, once and with its repetitions; None after a mistake."""
+        """Gesture of a cue, without and with its repetitions; None after a mistake."""
         if isinstance(cue, PhraseCue):
             gesture = self._phrase(cue.phrase, (*spot, "phrase"))
         else:
@@ -153,16 +158,16 @@ class ScoreGestures:
         for _, played, _ in placed.played:
             for mark, t in played.marks.items():
                 marks[numbered_mark(mark, marks)] = t
-        (line,) = placed.hands.lanes
+        (sequence,) = placed.hands.lanes
         return Gesture(
-            self._marionette.coordinates, *line.motion, name, marks, placed.changes_heading
+            self._marionette.coordinates, *sequence.motion, name, marks, placed.changes_heading
         )
 
 
 def find_gesture_file(
     located: Located, name: str, bundled: Collection[str], suffixes: Collection[str] = ()
 ) -> Path | None:
-    """File beside a script that a gesture's name means, with or without its ending.
+    """File in the script's folder with the name of a gesture, which may omit the ending.
 
     Args:
         located: the script.

@@ -1,4 +1,8 @@
-"""Sound files of scores, with their durations."""
+"""Sound files of scores, with their durations.
+
+A spot is the list of keys that leads to an entry of the file. Mistakes of the file are recorded in
+a log.
+"""
 
 from __future__ import annotations
 

@@ -6,6 +6,8 @@ z = x + i y is the middle between the shoulders' ends, theta its heading. Equal 
 a leg, from (z_0, theta_0) on: L and A are the sums of its steps' lengths and turns. s(t) goes from
 0 to 1, at constant speed except in its first and last step. Every leg begins and ends at rest, so
 that no turn extends into the way before it: the path is a sequence of arcs.
+
+L is the length of the leg, A the angle by which it turns, and phi the angle turned so far.
 """
 
 from __future__ import annotations

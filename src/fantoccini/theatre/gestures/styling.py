@@ -1,4 +1,7 @@
-"""Variations of a gesture in a cue: side, heading, speed, duration, size, repetitions."""
+"""Variations of a gesture in a cue: side, heading, speed, duration, size, repetitions.
+
+A cue is a line of a score or play: a verb with its player and time.
+"""
 
 from __future__ import annotations
 

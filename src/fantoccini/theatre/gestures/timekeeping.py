@@ -4,6 +4,10 @@
 
 t_turn is the time at which the end of a string turns back, along the direction in which its gesture
 turns at a mark.
+
+A mark is a named time of a gesture, such as that at which a hand is up. A hanging pose is the pose
+at rest for given driven coordinates q_K, the ends and lengths of strings. In names, D stands for
+dynamic coordinates, which move by the equations of motion.
 """
 
 from __future__ import annotations

@@ -1,4 +1,8 @@
-"""Transitions: quintics from one offset and rate to another, as short as the bounds allow."""
+"""Transitions: quintics from one offset and rate to another, as short as the bounds allow.
+
+An offset is the difference of a driven coordinate from its value at rest; n_vK is the number of
+driven velocities, and `coef` are coefficients of a polynomial in ascending powers.
+"""
 
 from __future__ import annotations
 

@@ -3,6 +3,9 @@
 phi(t) = log(R(0)^T R(t)),   w = J_r(phi) phidot
 
 J_r is the right Jacobian of SO(3), w the angular velocity in body axes [rad/s].
+
+phi is a rotation vector: axis times angle. A motion has the coefficients `coef` between the times
+`breaks`, for each of the n_vK driven velocities.
 """
 
 from __future__ import annotations

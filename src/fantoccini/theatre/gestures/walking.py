@@ -1,4 +1,7 @@
-"""Walking: all ends of a puppet's strings move along a path, and the knees rise in turn."""
+"""Walking: all ends of a puppet's strings move along a path, and the knees rise in turn.
+
+The sway is the motion of the body to the side of the standing foot.
+"""
 
 from __future__ import annotations
 

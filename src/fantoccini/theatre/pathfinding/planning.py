@@ -5,6 +5,8 @@
 p is the middle of the puppet and r its radius, o and r_o are those of others. A puppet turns on the
 spot and walks straight, in turn; to let others pass it begins later, or stands. It stays at its
 goal, which must be free from then on.
+
+A footing is a place on the stage with a heading, the angle of the forward direction.
 """
 
 from __future__ import annotations

@@ -3,6 +3,9 @@
     distance of a point p from a box:  | max(|R^T (p - c)| - h, 0) |,   from a disk:  |p - c| - r
 
 Points are complex, x + i y in the scene's frame [m].
+
+A box has the centre c, the axes R and the half lengths h; a disk has the centre c and the radius r.
+A leg is a straight part of a path.
 """
 
 from __future__ import annotations

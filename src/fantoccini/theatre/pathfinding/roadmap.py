@@ -5,6 +5,9 @@
 V(i, j) is the number of steps from j to the goal, for a puppet that came from i; n(j, k) that of a
 leg, infinite if an obstacle blocks it. Costs of metres and turns are so small that they only decide
 between ways of equally many steps.
+
+A leg is a straight walk between two places. i, j and k are places: a puppet walks from i to j and
+on to k. The heading is the angle of the forward direction, seen from above.
 """
 
 from __future__ import annotations

@@ -4,6 +4,9 @@ A state is a place, the heading with which the puppet came, and the time until w
 stays free. An earlier arrival in the same free interval can wait, so that only the earliest counts
 (safe-interval path planning, Phillips and Likhachev 2011). The heuristic is the cost of the
 remaining path past standing obstacles, with its turns; it is exact without other players.
+
+A leg is a straight part of a path. A* continues at every step from the state with the least sum of
+its cost so far and the heuristic, an estimate of the remaining cost.
 """
 
 from __future__ import annotations

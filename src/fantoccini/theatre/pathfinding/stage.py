@@ -1,4 +1,8 @@
-"""Stage around a puppet that walks: obstacles and other players."""
+"""Stage around a puppet that walks: obstacles and other players.
+
+A leg is a straight part of a path. Every player is a disk, seen from above. The heading is the
+angle of the forward direction, seen from above.
+"""
 
 from __future__ import annotations
 

@@ -3,6 +3,9 @@
     free(p, t):  |p - o(t)| >= r + r_o   for every other, at samples at most 20 ms apart
 
 Time is counted in steps from the beginning. After the last motion all players stand.
+
+p is a place of the puppet and o(t) that of another player, r and r_o are their radii. A leg is a
+straight part of a path.
 """
 
 from __future__ import annotations

@@ -3,6 +3,11 @@
 A file contains the start, the motion of the hands, and a sample for each second. Simulating the
 rest gives the same bits if the samples are reproduced; if they are not, on a machine with other
 rounding, each second is simulated from the sample at its start.
+
+acc_K are the accelerations of the driven coordinates q_K, which the hands move; q_D are the dynamic
+coordinates. A tick is the interval at which a performance advances. A marionette is a puppet with
+its compiled equations; `marionette.puppet` is the description in its file. A winch changes the
+length of a string. A row is a string or a joint limit with its gap h <= 0.
 """
 
 from __future__ import annotations

@@ -3,6 +3,10 @@
     min  integral of  w_p sum_i m_i/m |c_i - c_i0|^2 + w_v |v_D|^2 + w_h |q_K - q_K0|^2 + smoothness
 
 over the motion of the hands, within their bounds; c_i are the bodies' centres of mass.
+
+m_i is the mass of a body and m the sum; v_D are the dynamic velocities, and q_K the driven
+coordinates that the hands move, with the accelerations acc_K. A link is a body on its joint. A tick
+is the interval at which a performance advances.
 """
 
 from __future__ import annotations

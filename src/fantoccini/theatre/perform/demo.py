@@ -1,4 +1,7 @@
-"""Bundled performances: the marionette greets, and on a stage with contact it walks."""
+"""Bundled performances: the marionette greets, and on a stage with contact it walks.
+
+A performance is a puppet played live, here by a fixed script.
+"""
 
 from __future__ import annotations
 

@@ -8,6 +8,12 @@ that pull against it slow down. The rate u at which hands lengthen the path of a
 
 which returns them until the slip is ``HELD_SLIP``. A wire cannot slip; its violation counts
 instead. Motion of a hand across the string, or towards the puppet, is unchanged.
+
+The gap of a string is the length of its path minus its own, at most 0. A_K is its derivative by the
+driven coordinates, v_K their velocities. A winch changes the length of a string; its slip is the
+length that it lets out because the tension reached the largest one. In names, D stands for dynamic
+coordinates, which move by the equations of motion. A row is a string or a joint limit with its gap
+h <= 0.
 """
 
 from __future__ import annotations

@@ -1,4 +1,8 @@
-"""Handles for hands, and the driven coordinates that move them to a place in the world."""
+"""Handles for hands, and the driven coordinates that move them to a place in the world.
+
+A handle is a driven string end, or a body on a driven joint. Driven coordinates q_K follow the
+hand, and v_K are their velocities. A link is a body on its joint.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,10 @@
-"""Hands: groups of driven coordinates that move together, their bounds and motion to targets."""
+"""Hands: groups of driven coordinates that move together, their bounds and motion to targets.
+
+A handle is a driven string end, or a body on a driven joint, that a hand can hold. q_K are the
+driven coordinates and v_K their velocities; q_D are the dynamic coordinates. A winch changes the
+length of a string. A drive moves a coordinate by a motor towards its command. A link is a body on
+its joint. A tick is the interval at which a performance advances.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""Influences on a performance apart from targets: pushes on bodies, a law of the hands."""
+"""Influences on a performance apart from targets: pushes on bodies, a law of the hands.
+
+A law of the hands computes their motion from the state, as a controller does. v_D and v_K are the
+dynamic and driven velocities, and n_vD, n_vK their numbers.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""Lanes: strings and joints with driven coordinates that gestures, takes and scores move."""
+"""Lanes: strings and joints with driven coordinates that gestures, takes and scores move.
+
+A lane is here a string or joint with its driven coordinates q_K; a lane is armed if it is recorded
+while a take moves the others. n_vK is the number of driven velocities.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""Recorder of a live performance; a recording may end by itself."""
+"""Recorder of a live performance; a recording may end by itself.
+
+A recording keeps the accelerations acc_K of the driven coordinates, which the hands move, for every
+tick, the interval at which the performance advances.
+"""
 
 from __future__ import annotations
 

@@ -2,6 +2,9 @@
 
 A quintic leads from the last position and velocity to the first within bounds. Its accelerations
 at the middles of the ticks, with a small correction a + b i at tick i, arrive exactly.
+
+A tick is the interval at which a performance advances. q_K are the driven coordinates that the
+hands move, v_K their velocities, and n_vK is the number of these.
 """
 
 from __future__ import annotations

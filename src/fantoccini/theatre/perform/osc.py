@@ -1,6 +1,8 @@
 """Open Sound Control: messages that direct a show, and messages that report its events.
 
 Messages are sent and received by UDP. python-osc is loaded when it is first needed.
+
+A cue is a line of a play: a verb with its player and time.
 """
 
 from __future__ import annotations

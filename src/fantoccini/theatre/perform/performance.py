@@ -1,4 +1,7 @@
-"""Live performance: a simulated puppet and the hands that move it."""
+"""Live performance: a simulated puppet and the hands that move it.
+
+A tick is the interval at which it advances; a take is a recording of a performance for editing.
+"""
 
 from __future__ import annotations
 

@@ -1,6 +1,9 @@
 """Player that adds gestures, a take and a score to the positions that hands hold.
 
 q_K(t) = q_K,held(t) + d(t),   d(t): sum of the gestures, the take and the score
+
+q_K are the driven coordinates, d offsets. A take is a recording of a performance for editing, and a
+tick the interval at which a performance advances.
 """
 
 from __future__ import annotations

@@ -13,7 +13,8 @@ c = d - v T/2 and k the whole part of (sqrt(1 + 8 c/(a T^2)) - 1)/2,
   v' = k a T/2 + c/((k + 1) T).
 
 v' is then bounded by the speed, and its change by a T. Several coordinates that move together (the
-axes of a handle, a rotation vector) do so along c: a straight drag is a straight move.
+axes of a handle, a rotation vector) do so along c: a straight drag is a straight move. In names, K
+stands for driven coordinates: ends and lengths of strings, driven joints.
 """
 
 from __future__ import annotations

@@ -1,4 +1,9 @@
-"""Recordings of performances: the motion of the hands, tick by tick, and the trajectory."""
+"""Recordings of performances: the motion of the hands, tick by tick, and the trajectory.
+
+q_K are the driven coordinates, which the hands move, and acc_K their accelerations. A tick is the
+interval at which a performance advances. In names, D stands for dynamic coordinates, which move by
+the equations of motion.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""Reports on hands that stay visible for a while: stopped hands and weak motors."""
+"""Reports on hands that stay visible for a while: stopped hands and weak motors.
+
+A drive is a motor with a controller that moves a driven coordinate; it is weak if its load is
+larger than its torque.
+"""
 
 from __future__ import annotations
 

@@ -1,6 +1,11 @@
 """A score while it is played: it may wait for GO, pause and go to another time.
 
 d(t) = d_score(t) + e(t),   e: a quintic to 0 that returns coordinates to the score
+
+d are offsets of the driven coordinates, which the hands move; n_vK is the number of driven
+velocities. A voice is a score or gesture while it is played. Breaks are the times at which the
+pieces of a motion meet, and `coef` their coefficients. A tick is the interval at which a
+performance advances.
 """
 
 from __future__ import annotations

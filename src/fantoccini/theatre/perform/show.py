@@ -1,4 +1,9 @@
-"""Live performance of a play, cue by cue."""
+"""Live performance of a play, cue by cue.
+
+A cue is a line of the play: a verb with its player and time. A lane is a list of gestures in order.
+In names, K stands for driven coordinates: ends and lengths of strings, driven joints. A tick is the
+interval at which a performance advances.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Smoothing of recorded motion by a moving average over ticks."""
+"""Smoothing of recorded motion by a moving average over ticks.
+
+A tick is the interval at which a performance advances; n_vK is the number of driven velocities.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,9 @@
-"""Transfer of a state to a changed puppet: values by name, projected onto strings and limits."""
+"""Transfer of a state to a changed puppet: values by name, projected onto strings and limits.
+
+q_D are the dynamic coordinates and q_K the driven ones, with the velocities v_D and v_K. Projection
+means the smallest change after which no string is too short and no limit exceeded. A winch changes
+the length of a string; slip is the length that it lets out at its largest tension.
+"""
 
 from __future__ import annotations
 

@@ -8,6 +8,11 @@ of mass from that in the play, and the shift s of all its hands, both horizontal
 with g the vertical part of the stage's own gravity, and k the gains of the linear-quadratic
 regulator that minimises the integral of e^2 + (e'/w)^2 plus weights times s^2 + (s'/w)^2 and
 (s''/w^2)^2.
+
+D is the damping ratio of the pendulum, and a prime a derivative by time. In names, D stands for
+dynamic coordinates, which move by the equations of motion, and K for driven ones: ends and lengths
+of strings, driven joints. A link is a body on its joint. A tick is the interval at which a
+performance advances.
 """
 
 from __future__ import annotations

@@ -1,6 +1,10 @@
 """Targets of hands: held positions plus played offsets; or a control law moves the hands.
 
 q_K(t) = q_K,held(t) + d(t),   d(t): sum of the gestures, the take and the score
+
+q_K are the driven coordinates that the hands move, with the velocities v_K. A handle is a driven
+string end, or a body on a driven joint; a take is a recording for editing. A lane is here a string
+or joint with its driven coordinates. A tick is the interval at which a performance advances.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""Tempo of a performance, set in beats per minute or by taps."""
+"""Tempo of a performance, set in beats per minute or by taps.
+
+A tap is a press of a key on the beat.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,9 @@
-"""Run of a puppet that hands move, tick by tick; it continues after any motion of the hands."""
+"""Run of a puppet that hands move, tick by tick; it continues after any motion of the hands.
+
+A tick is the interval at which a performance advances. v_D and v_K are the dynamic and the driven
+velocities, acc_K the accelerations of the hands; the grip is the tension at which a hand lets a
+string slip.
+"""
 
 from __future__ import annotations
 

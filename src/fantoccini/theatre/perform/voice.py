@@ -1,4 +1,8 @@
-"""Gesture while it is played: the transition to its start, its offsets, and its repetitions."""
+"""Gesture while it is played: the transition to its start, its offsets, and its repetitions.
+
+Offsets are differences of driven coordinates from the positions that hands hold; n_vK is the number
+of driven velocities.
+"""
 
 from __future__ import annotations
 
@@ -132,7 +136,7 @@ class Voice:
 
 
 def line_from(offsets: Offsets, bounds: Array) -> MotionSequence:
-    """Line that continues from offsets."""
+    """Empty sequence of motions that begins with these offsets and rates."""
     return MotionSequence.empty(bounds, offsets.d, offsets.rate, offsets.origin_shift)
 
 

@@ -1,4 +1,10 @@
-"""Plays: cues of players on a stage, compiled and verified."""
+"""Plays: cues of players on a stage, compiled and verified.
+
+A cue is a line of a play: a verb with its player and time. In each round of compiling, cues are
+placed in time and on the stage, and simulated; a rule then corrects faults of the run. A company is
+a group of players and props that may touch one another and are simulated together. A footing is a
+place on the stage with a heading. A leash is a slack string between two players.
+"""
 
 from fantoccini.theatre.plays.compiling import load_play
 from fantoccini.theatre.plays.owner_clearances import OwnerClearance, clearances

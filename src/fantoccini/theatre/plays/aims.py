@@ -1,4 +1,8 @@
-"""Goals and targets of a play's cues: places and headings on the stage at a time."""
+"""Goals and targets of a play's cues: places and headings on the stage at a time.
+
+A cue is a line of a play: a verb with its player and time. A footing is a place with a heading, a
+mark a named place. A spot is the list of keys that leads to an entry of the file.
+"""
 
 from __future__ import annotations
 

@@ -2,6 +2,10 @@
 
 Two players come nearer to each other than their radii only here: the last steps are straight and
 slow, and nobody else is near.
+
+A footing is a place with a heading, the angle of the forward direction. A lane is a list of
+gestures in order; the offsets of all lanes add up. The stage is the scene with all players, props
+and obstacles.
 """
 
 from __future__ import annotations

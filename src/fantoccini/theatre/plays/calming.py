@@ -5,6 +5,11 @@
 
 All upper ends of the strings move by the same sum of a_k b_k(t) along x and along y, from rest to
 rest. v is nearly linear in a, so that least squares over rollouts yield the minimum.
+
+a_k are the unknown offsets and b_k fixed curves, piecewise polynomials with the coefficients `coef`
+between the times `breaks`. A rollout is a simulation of the motion. In names, D stands for dynamic
+coordinates, which move by the equations of motion, and K for driven ones: ends and lengths of
+strings, driven joints.
 """
 
 from __future__ import annotations

@@ -1,4 +1,9 @@
-"""Compiler of plays: cues are placed, simulated by company, and placed again until all succeed."""
+"""Compiler of plays: cues are placed, simulated by company, and placed again until all succeed.
+
+A cue is a line of a play: a verb with its player and time. It is refused if it cannot be done. A
+spot is the list of keys that leads to an entry of the file. Mistakes of the file are recorded in a
+log.
+"""
 
 from __future__ import annotations
 

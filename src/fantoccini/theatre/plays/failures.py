@@ -1,4 +1,9 @@
-"""Checks of runs of a play: whether props and sitters are where cues have brought them."""
+"""Checks of runs of a play: whether props and sitting players are at the places of their cues.
+
+A handle is the bar by which a prop hangs on a forearm, and a footing a place with a heading. In
+names, D stands for dynamic coordinates, which move by the equations of motion, and K for driven
+ones: ends and lengths of strings, driven joints.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,9 @@
-"""Cues with props: a player steps up to another or to a thing, handles it, and steps back."""
+"""Cues with props: a player steps up to another or to a thing, handles it, and steps back.
+
+A prop is a body that players handle; it hangs on a forearm by its handle, or stands at a footing, a
+place with a heading. A cue is a line of the play. A spot is the list of keys that leads to an entry
+of the file. The stage is the scene with all players, props and obstacles.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""Places of props and sitters while cues are placed: a forearm, the stage, or a seat."""
+"""Places of props and sitters while cues are placed: a forearm, the stage, or a seat.
+
+A footing is a place with a heading. A sitter is a player on a seat, and a cue is a line of the
+play.
+"""
 
 from __future__ import annotations
 

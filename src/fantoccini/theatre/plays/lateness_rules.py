@@ -1,4 +1,9 @@
-"""Rules that make hands begin earlier, because limbs lag behind them."""
+"""Rules that make hands begin earlier, because limbs lag behind them.
+
+A cue is a line of the play, and a mark a named time of its gesture, such as that at which a hand is
+up. A spot is the list of keys that leads to an entry of the file. A lane is a list of gestures in
+order; the offsets of all lanes add up.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""Leashes in runs of a play: they must stay slack, because players are simulated without them."""
+"""Leashes in runs of a play: they must stay slack, because players are simulated without them.
+
+A leash is a string between two players, a stretch a time in which it would be taut. q_D are dynamic
+coordinates, q_K driven ones (ends and lengths of strings).
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""Least distances over a run of a play, between players, obstacles, the floor and strings."""
+"""Least distances over a run of a play, between players, obstacles, the floor and strings.
+
+q_D are dynamic coordinates, q_K driven ones (ends and lengths of strings). A link is a body on its
+joint.
+"""
 
 from __future__ import annotations
 

@@ -1,6 +1,11 @@
 """Placing of cues in time and on the stage, in the order in which they begin.
 
 A walk is planned around all walks placed before it, and later walks are planned around it.
+
+A cue is a line of the play: a verb with its player and time. A lane is a list of gestures in order,
+and a footing a place with a heading. In names, K stands for driven coordinates: ends and lengths of
+strings, driven joints. A spot is the list of keys that leads to an entry of the file. Mistakes of
+the file are recorded in a log.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""Compiled play: its cues with their times, and one motion of all hands."""
+"""Compiled play: its cues with their times, and one motion of all hands.
+
+A cue is a line of the play: a verb with its player and time.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,9 @@
-"""Gestures of players in cues: from files, or computed for a place or a walk."""
+"""Gestures of players in cues: from files, or computed for a place or a walk.
+
+A mark is a named time of a gesture, and a footing a place with a heading. A spot is the list of
+keys that leads to an entry of the file. Mistakes of the file are recorded in a log. The stage is
+the scene with all players, props and obstacles.
+"""
 
 from __future__ import annotations
 

@@ -2,10 +2,12 @@
 
     q_K(t) = q_K0 + d(t)
 
-The puppet holds the prop out over the table and lowers it until it stands and the arm is free
-under the bar. Then it steps aside, inward, because the stem is on the outer side of the arm; the
-hand's string, in front of the bar, does not pass it. Offsets are written for an arm of 19 cm, and
-multiplied by the ratio of lengths for others.
+q_K are the driven coordinates, the ends and lengths of strings; q_K0 are their values at rest and
+d(t) the offsets of the gesture. A prop hangs across a forearm by its handle, a T: a bar with free
+ends on a stem. The puppet holds the prop out over the table and lowers it until the prop stands
+and the arm is free under the bar. Then the puppet steps aside, inward, because the stem is on the
+outer side of the arm; the hand's string, in front of the bar, does not touch it. Offsets are
+written for an arm of 19 cm, and multiplied by the ratio of lengths for others.
 """
 
 from __future__ import annotations
@@ -56,12 +58,13 @@ _DURATION = 17.5
 
 @dataclass(frozen=True)
 class Putting:
-    """Gesture that puts a prop on something, or picks it up.
+    """Gesture that puts a prop on something, or picks it up; its marks are named times.
 
     Attributes:
-        gesture: gesture with the marks ``down`` and ``free``, or ``under`` and ``up``.
+        gesture: gesture with the marks ``down`` (the prop stands) and ``free`` (the arm is away),
+            or ``under`` (the arm is under the handle) and ``up``.
         forward, left: place of the prop relative to the puppet [m].
-        touching: pairs of bodies that may touch.
+        touching: pairs of bodies that may touch in the gesture.
     """
 
     gesture: Gesture
@@ -75,13 +78,13 @@ def put_down(
 ) -> Putting:
     """Gesture that puts a prop on something and takes the forearm away: 17.5 s.
 
-    It begins in the pose of :func:`~fantoccini.theatre.cast.prop_gestures.carry` and ends at the
-    puppet's rest.
+    It begins in the pose of :func:`~fantoccini.theatre.cast.prop_gestures.carry` and ends in the
+    pose in which the puppet rests.
 
     Args:
-        stage: the scene.
-        who: member that holds the prop.
-        prop: prop that hangs by its handle on the forearm; the origin of its frame is in its
+        stage: marionette of the scene with the puppet and the prop.
+        who: puppet of the scene that holds the prop.
+        prop: prop that hangs by its handle on the forearm; the origin of its frame is at its
             bottom.
         height: height of the place for the prop [m].
         start: state of the puppet with the prop in the pose for carrying.
@@ -99,10 +102,10 @@ def pick_up(stage: Marionette, who: str, prop: str, drop: float, *, side: str = 
     """:func:`put_down` reversed in time: the forearm moves under the handle and lifts the prop.
 
     Args:
-        stage: the scene.
-        who: member that picks up the prop.
-        prop: prop that stands at the place that is returned.
-        drop: height of its bottom after the gesture minus that before it [m].
+        stage: marionette of the scene with the puppet and the prop.
+        who: puppet of the scene that picks up the prop.
+        prop: prop that stands at the place given by ``forward`` and ``left`` of the result.
+        drop: height of its bottom after the gesture minus its height before [m].
         side: side of the forearm.
 
     Raises:
@@ -125,8 +128,8 @@ def putting(
     """Gesture of :func:`put_down` or :func:`pick_up`, for a height difference.
 
     Args:
-        stage: the scene.
-        who: member that handles the prop.
+        stage: marionette of the scene with the puppet and the prop.
+        who: puppet of the scene that handles the prop.
         prop: see :func:`put_down`.
         drop: height of its bottom in the pose for carrying minus that of its place [m].
         side: side of the forearm.

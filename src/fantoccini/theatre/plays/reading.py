@@ -1,4 +1,8 @@
-"""Reader of play files: cast, gestures and times of cues; nothing is simulated."""
+"""Reader of play files: cast, gestures and times of cues; nothing is simulated.
+
+A cue is a line of a play: a verb with its player and time. A spot is the list of keys that leads to
+an entry of the file. Mistakes of the file are recorded in a log.
+"""
 
 from __future__ import annotations
 

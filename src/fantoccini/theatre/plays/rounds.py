@@ -2,6 +2,10 @@
 
 A rule takes the results so far and a round. It returns the new results, and whether any cue
 must be placed again.
+
+A cue is a line of the play, and a footing a place with a heading. Swing is the motion of a hanging
+puppet that outlasts the motion of its hands. A spot is the list of keys that leads to an entry of
+the file. Mistakes of the file are recorded in a log.
 """
 
 from __future__ import annotations

@@ -3,6 +3,11 @@
 A run consists of parts, from one rest of the hands to the next; a part depends on the state at its
 beginning and on the motion of the hands. A change of the play therefore leaves earlier parts
 unchanged, and a play that is compiled after a change equals, to the bit, one compiled from scratch.
+
+A company is a group of players and props that may touch one another and are simulated together. The
+hands are the driven coordinates q_K, the ends and lengths of strings; q_D are the dynamic
+coordinates. The ledger is the table of energies and work. Breaks are the times at which the pieces
+of a motion meet, and `coef` their coefficients.
 """
 
 from __future__ import annotations

@@ -5,6 +5,12 @@
 A cue that is delayed by p moves the hands by u(t - p); the gradient is that of the rollout:
 
     dJ/dp = sum over steps of (dJ/da_k) . da_k/dp,   da_k/dp = -(u''(t_k+1 - p) - u''(t_k - p)) / dt
+
+u is the motion of the hands, with the acceleration a_k in step k of length dt; T is the time of
+measurement, P the longest pause, and c the cost of a second of pause. v_D are the dynamic
+velocities. A rollout is a simulation. In names, K stands for driven coordinates: ends and lengths
+of strings, driven joints. Breaks are the times at which the pieces of a motion meet, and `coef`
+their coefficients.
 """
 
 from __future__ import annotations

@@ -1,4 +1,8 @@
-"""Shots of a play's film: where its camera looks, and when."""
+"""Shots of a play's film: where its camera looks, and when.
+
+A driven body is moved by the hands, such as a control. In names, D stands for dynamic coordinates,
+which move by the equations of motion. Mistakes of the file are recorded in a log.
+"""
 
 from __future__ import annotations
 

@@ -4,6 +4,10 @@
 
 Offsets are relative to the puppet's rest. They are written for legs of 26.4 cm and arms of 19 cm,
 and multiplied by the ratio of lengths for others.
+
+q_K are the driven coordinates, the ends and lengths of strings; q_K0 are their values at rest and
+d(t) the offsets of the gesture. A slack string does not pull. The stage is the scene with all
+players, props and obstacles.
 """
 
 from __future__ import annotations

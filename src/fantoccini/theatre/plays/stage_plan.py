@@ -1,4 +1,7 @@
-"""Plan of a play's stage: marks, obstacles, and the players' ways seen from above."""
+"""Plan of a play's stage: marks, obstacles, and the players' ways seen from above.
+
+A mark is a named place on the stage. Mistakes of the file are recorded in a log.
+"""
 
 from __future__ import annotations
 

@@ -1,6 +1,10 @@
 """Run of the stage, assembled from the runs of companies at common times.
 
 Companies do not touch each other, and move independently.
+
+A company is a group of players and props that are simulated together. q_D are dynamic coordinates,
+q_K driven ones (ends and lengths of strings); v and acc are velocities and accelerations. The
+ledger is the table of energies and work.
 """
 
 from __future__ import annotations

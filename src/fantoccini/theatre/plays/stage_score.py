@@ -1,4 +1,8 @@
-"""Whole play as one score: the motion of all hands, captions, sounds and waits."""
+"""Whole play as one score: the motion of all hands, captions, sounds and waits.
+
+A cue is a line of the play, and a lane a list of gestures in order. A spot is the list of keys that
+leads to an entry of the file. Mistakes of the file are recorded in a log.
+"""
 
 from __future__ import annotations
 

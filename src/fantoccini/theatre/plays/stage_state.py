@@ -1,4 +1,8 @@
-"""The stage while cues are placed: players, props and meetings, as an immutable value."""
+"""The stage while cues are placed: players, props and meetings, as an immutable value.
+
+A meeting is a time during which players and props may touch. A cue is a line of the play, and a
+lane a list of gestures in order. A spot is the list of keys that leads to an entry of the file.
+"""
 
 from __future__ import annotations
 

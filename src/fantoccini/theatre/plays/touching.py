@@ -1,4 +1,8 @@
-"""Touches of players, props, obstacles and strings in runs of a play."""
+"""Touches of players, props, obstacles and strings in runs of a play.
+
+A touch is a distance below the one that the play allows. q_D are dynamic coordinates, q_K driven
+ones (ends and lengths of strings).
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""Verification of plays: event-driven simulation, and a check of every requirement."""
+"""Verification of plays: event-driven simulation, and a check of every requirement.
+
+A cue is a line of the play: a verb with its player and time. q_D are dynamic coordinates, q_K
+driven ones (ends and lengths of strings), which the hands move.
+"""
 
 from __future__ import annotations
 

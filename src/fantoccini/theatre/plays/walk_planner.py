@@ -1,4 +1,9 @@
-"""Planner of walks of players over the stage of a play, past obstacles and each other."""
+"""Planner of walks of players over the stage of a play, past obstacles and each other.
+
+A footing is a place on the stage with a heading. A track is the path of a player over time, and a
+region a part of the stage from which puppets keep clear. Mistakes of the file are recorded in a
+log.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,9 @@
-"""Retargeting: hanging poses and motions of a puppet nearest to a captured clip."""
+"""Retargeting: hanging poses and motions of a puppet nearest to a captured clip.
+
+Parts are those of a person, such as the left elbow. A mapping says which joint of the skeleton, and
+a figure which body of the puppet, is which part. A hanging pose is the pose at rest for given
+driven coordinates q_K, the ends and lengths of strings.
+"""
 
 from fantoccini.theatre.retarget.deviations import PartError, PartLoss
 from fantoccini.theatre.retarget.drafting import draft_mapping

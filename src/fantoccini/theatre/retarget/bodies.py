@@ -1,4 +1,7 @@
-"""Bodies of a puppet that correspond to the parts of a person, by its body map."""
+"""Bodies of a puppet that correspond to the parts of a person, by its body map.
+
+A body map says which bodies and strings are the trunk, head and limbs of a puppet.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,10 @@
-"""Distances of a run from its clip by groups of parts, and times in which a part is far off."""
+"""Distances of a run from its clip by groups of parts, and times in which a part is far off.
+
+A clip is a captured motion. A part is lost while it is much farther from the clip than in the
+hanging pose, the pose at rest for the same position of the hands. In names, D stands for dynamic
+coordinates, which move by the equations of motion, and K for driven ones: ends and lengths of
+strings, driven joints.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Drafts of mapping files: a guess of the joints and bodies, and lists of all of them."""
+"""Drafts of mapping files: a guess of the joints and bodies, and lists of all of them.
+
+A mapping says which joint of a skeleton, and which body of a puppet, is which part of a person.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,10 @@
-"""Figures: the bodies of a puppet as parts of a person, with the places of its joints."""
+"""Figures: the bodies of a puppet as parts of a person, with the places of its joints.
+
+A waist is a joint that divides the trunk. A member is a puppet of a scene. A marionette is a puppet
+with its compiled equations; `marionette.puppet` is the description in its file. In names, D stands
+for dynamic coordinates, which move by the equations of motion, and K for driven ones: ends and
+lengths of strings, driven joints. A link is a body on its joint.
+"""
 
 from __future__ import annotations
 

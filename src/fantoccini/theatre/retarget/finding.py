@@ -2,6 +2,8 @@
 
 The two longest pairs of mirrored limbs are arms and legs; the legs are nearer to the root, and the
 head is the branch between the arms. Sides come from names or, without them, from the toes.
+
+A doubt is a sign that a joint may be the wrong part.
 """
 
 from __future__ import annotations

@@ -5,6 +5,10 @@
 over a receding horizon, within bounds of speed and acceleration (:class:`fantoccini.MPC`):
 x_i,hang are the positions of the parts in the hanging poses nearest to the clip. The hands lead by
 the lag of the limbs, and damp their swing.
+
+q_K are the driven coordinates, which the hands move, and acc_K their accelerations; n_vK is the
+number of driven velocities. A hanging pose is the pose at rest for given q_K. In names, D stands
+for dynamic coordinates, which move by the equations of motion.
 """
 
 from __future__ import annotations

@@ -4,6 +4,10 @@
 
 leads to the clip's first pose, and likewise back from its last. The hands follow all of it as in
 :func:`follow_clip`, within bounds that hold for every heading of the puppet.
+
+A lead is the motion from rest to the first pose of the clip, or from the last one back. q_K are the
+driven coordinates, which the hands move, v_K and acc_K their velocities and accelerations. In
+names, D stands for dynamic coordinates, which move by the equations of motion.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""Limbs of a skeleton: chains of joints, and pairs of them that are mirror images."""
+"""Limbs of a skeleton: chains of joints, and pairs of them that are mirror images.
+
+A bone is the line from a joint to the next one. A twin is the mirror image of a joint.
+"""
 
 from __future__ import annotations
 

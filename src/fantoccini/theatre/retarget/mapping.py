@@ -1,6 +1,8 @@
 """Mappings: the joints of a skeleton that are the parts of a person, and of a puppet.
 
 The parts are named in :data:`PARTS`; hips and shoulders give the trunk.
+
+A mapping file names the joint of each part. A joint is doubtful if another one may be the part.
 """
 
 from __future__ import annotations

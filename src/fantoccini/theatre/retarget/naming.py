@@ -1,4 +1,7 @@
-"""Names of joints: prefixes, sides, pieces of one bone, and parts of a person."""
+"""Names of joints: prefixes, sides, pieces of one bone, and parts of a person.
+
+A twin is the mirror image of a joint: ``hand_l`` and ``hand_r``.
+"""
 
 from __future__ import annotations
 

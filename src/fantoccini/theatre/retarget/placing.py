@@ -2,10 +2,10 @@
 
 Directions are those of the person, lengths those of the puppet:
 
-    hips(t) = s (hips of the clip),   end of a bone(t) = its beginning(t) + l d(t)
+    x_hips(t) = s x_hips,clip(t),   x_end(t) = x_begin(t) + l d(t)   for each bone
 
 with the length l of each part of the puppet, its direction d(t) in the clip, and the ratio s of the
-puppet's leg to the person's.
+puppet's leg to the person's. The heading is the angle of the forward direction, seen from above.
 """
 
 from __future__ import annotations
@@ -25,12 +25,13 @@ _MAX_STRETCH = 0.97
 _MIN_LENGTH = 1e-3
 """Least length of a part of a person [m]."""
 _MIN_HEADING_SINE = 0.3
-"""Least sine of the angle between the line across a trunk and the vertical for a heading."""
+"""Least sine of the angle between the left-right line of a trunk and the vertical, for which the
+trunk has a heading."""
 _PARTS_OF_HALVES = (
     ("neck", *(f"shoulder_{side}" for side in SIDES)),
     tuple(f"hip_{side}" for side in SIDES),
 )
-"""Points at the upper and at the lower half of a trunk."""
+"""Names of points on the upper and on the lower half of a trunk."""
 _FLOOR_PERCENTILE = 2.0
 """Percentage of the frames in which the lower foot may be below the floor."""
 
@@ -40,8 +41,9 @@ class PartTargets:
     """Targets over time.
 
     Attributes:
-        parts: part -> (T, 3) target of its point on the puppet [m].
-        frames: part of the puppet -> (T, 3, 4) orientation and origin of its body.
+        parts: joint of a person, such as ``elbow_left`` -> (T, 3) target of this point [m];
+            ``trunk`` is the midpoint of the hips.
+        frames: body of the puppet, such as ``trunk`` -> (T, 3, 4) its orientation and origin.
         scale: ratio s of the puppet's leg to the person's.
     """
 
@@ -59,13 +61,13 @@ def part_targets(
 ) -> PartTargets:
     """Targets of a puppet's parts from a clip.
 
-    The clip begins at the puppet's place and heading; the floor is below the puppet's feet.
+    The clip begins at the puppet's place and heading; its floor is at the puppet's lower foot.
 
     Args:
-        figure: figure of the puppet.
+        figure: bodies and joints of the puppet, as a person's.
         clip: clip in metres, with z up.
         joints: part -> index of the joint.
-        travel: share of the motion over the floor that is kept; 0 stays on the spot.
+        travel: share of the horizontal motion that is kept; 0 stays on the spot.
         turning: share of the trunk's turning about the vertical that is kept; with 0 the puppet
             keeps its heading.
 
@@ -151,7 +153,7 @@ def _trunk_halves(
     about that direction, the line of the hips the lower one.
 
     Args:
-        figure: figure of the puppet.
+        figure: bodies and joints of the puppet, as a person's.
         positions: part -> (T, 3) position of the person.
         axes: (T, 3, 3) columns forward, left, up of the trunk.
         hips: (T, 3) targets of the midpoint between the hips.
@@ -249,7 +251,7 @@ def _hips_targets(
 
 
 def _head_axes(trunk_axes: Array, head_rotations: Array) -> Array:
-    """(T, 3, 3) columns forward, left, up of the head; its mean over the clip is that of the trunk.
+    """(T, 3, 3) columns forward, left, up of the head, with the mean orientation of the trunk.
 
     Skeletons differ in the orientation of a head's frame; the mean over the clip counts as upright.
     """
@@ -260,13 +262,13 @@ def _head_axes(trunk_axes: Array, head_rotations: Array) -> Array:
 
 
 def _turned_along(trunk: Array, axis: Array, vectors: Array) -> Array:
-    """(T, 3, 3) orientations of the trunk with the least turn that points `axis` along `to`."""
+    """(T, 3, 3) orientations of the trunk, turned least so that `axis` points along `vectors`."""
     current, wanted = unit(trunk @ axis), unit(vectors)
     return rotation.matrix(rotation.shortest(current, wanted)) @ trunk
 
 
 def _frames(turn: Array, origin: Array) -> Array:
-    """(T, 3, 4) orientation and origin."""
+    """(T, 3, 4) frames with these orientations and origins."""
     return np.concatenate([turn, origin[:, :, None]], axis=2)
 
 

@@ -3,6 +3,9 @@
     min  sum_i w_i |x_i(q_D, q_K) - x_i,clip|^2 + w_K |q_K - q_K,above|^2,   the puppet hangs by q_K
 
 With q_K = q_K,above each string is vertical above the point at which it is tied.
+
+q_D are the dynamic coordinates of the puppet and q_K the driven ones, the ends and lengths of
+strings; w_i and w_K are weights, and x_i the position of a part. A link is a body on its joint.
 """
 
 from __future__ import annotations

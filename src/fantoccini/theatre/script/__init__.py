@@ -1,4 +1,8 @@
-"""Language of the stage: files of scores and plays, their cues, verbs and times."""
+"""Language of the stage: files of scores and plays, their cues, verbs and times.
+
+A cue is a line of a score or play: a verb with its player and time. A lane is a list of cues of a
+score in order. A mark is a named time of a gesture or score, or a named place on a stage.
+"""
 
 from fantoccini.theatre.script.cues import (
     CueFile,

@@ -1,6 +1,9 @@
 """Cues of scores and plays: action, players and time. The verb determines the other keys.
 
 A cue has exactly one verb as a key: ``gesture: bow`` in a score, ``walks to: centre`` in a play.
+
+A lane is a list of cues of a score in order. A mark is a named time of a gesture or score, or a
+named place on the stage.
 """
 
 from __future__ import annotations
@@ -44,7 +47,7 @@ class CueFile(Model):
     timing_keys: ClassVar[tuple[str, ...]] = ()
 
     name: Name | None = None
-    """Name by which times refer to it; that of its gesture or verb by default."""
+    """Name to which times may refer; by default that of the gesture, or the verb."""
 
     @property
     def verb_value(self) -> Any:
@@ -99,15 +102,15 @@ class StyledCue(MarkedCue):
     keys_rule: ClassVar[str] = "only `does` has `{key}`"
 
     larger: Factor = 1.0
-    """Factor of its size."""
+    """Factor of the gesture's size."""
     faster: Factor = 1.0
-    """Factor of its speed."""
+    """Factor of the gesture's speed."""
     mirrored: bool = False
     """Whether left and right are exchanged."""
     repeat: Count = 1
-    """Number of repetitions, in a row."""
+    """Number of times that the gesture is done, without a pause."""
     lasts: Factor | None = None
-    """Duration of each repetition [beats]; that of its file by default."""
+    """Duration of each repetition [beats]; by default that of the gesture's file."""
 
     def model_post_init(self, context: Any, /) -> None:
         """Refuses contradictory keys."""
@@ -120,12 +123,12 @@ class StyledCue(MarkedCue):
 
 
 class ScoreCue(CueFile):
-    """A cue in a lane of a score. Without `at` and `on` it follows the one before."""
+    """A cue in a lane of a score. Without `at` and `on` it begins when the previous one ends."""
 
     timing_keys: ClassVar[tuple[str, ...]] = ("at",)
 
     at: Time | None = None
-    """Time at which it begins."""
+    """Time at which the cue begins."""
 
     @property
     def start_times(self) -> list[tuple[Spot, Time]]:
@@ -134,7 +137,7 @@ class ScoreCue(CueFile):
 
 
 class HoldCue(ScoreCue):
-    """A rest: the lane stays where it is."""
+    """A rest, in which the lane does not move."""
 
     verb: ClassVar[str] = "hold"
     other_keys_rule: ClassVar[str] = "a hold has only `at` and `name`"
@@ -144,10 +147,10 @@ class HoldCue(ScoreCue):
 
 
 class PlayedCue(ScoreCue, StyledCue):
-    """A gesture or a phrase."""
+    """A cue of a score with a gesture or a phrase."""
 
     heading: Angle | None = None
-    """Direction of forward relative to that at the start, for use after a walk that turns [rad]."""
+    """Turn of the gesture about the vertical [rad], for a puppet that has turned in a walk."""
 
 
 class PhraseCue(PlayedCue):
@@ -160,7 +163,7 @@ class PhraseCue(PlayedCue):
 
 
 class GestureCue(PlayedCue):
-    """A gesture."""
+    """A cue of a score with a gesture."""
 
     verb: ClassVar[str] = "gesture"
     keys_rule: ClassVar[str] = "only a gesture has `{key}`"
@@ -168,7 +171,7 @@ class GestureCue(PlayedCue):
     gesture: str
     """A gesture file or a take (.npz) in this file's folder, or the name of a bundled gesture."""
     of: Name | None = None
-    """The member of a scene that performs it."""
+    """The puppet of the scene that performs it."""
     steps: Count | None = None
     """Number of steps of `walk`."""
     step: Length | None = None
@@ -203,7 +206,7 @@ class PlayCue(CueFile):
     """Time at which it begins: a beat of the act, a named time of the play, a moment of a cue
     (`bow.low`), `NAME arrives` or `NAME is done`, with an offset in beats; of several the last."""
     after: NotNegative = 0.0
-    """Delay after that time [beats]."""
+    """Delay after `when` [beats]."""
     may_wait: NotNegative | None = Field(None, alias="may wait")
     """Longest further delay, until swing has decayed or a way is free [beats]."""
     optional: bool = False
@@ -253,7 +256,7 @@ class TimedCue(PlayCue, MarkedCue):
 
 
 class DoesCue(TimedCue, StyledCue):
-    """A gesture."""
+    """A cue in which players perform a gesture."""
 
     verb: ClassVar[str] = "does"
     keys_rule: ClassVar[str] = "only `does` has `{key}`"
@@ -266,7 +269,7 @@ class DoesCue(TimedCue, StyledCue):
 
 
 class WalkCue(TimedCue):
-    """A walk to a mark or a place."""
+    """A cue in which players walk to a mark or a place."""
 
     keys_rule: ClassVar[str] = "only walks have it"
 
@@ -290,7 +293,7 @@ class WalkCue(TimedCue):
 
 
 class WalksToCue(WalkCue):
-    """A walk."""
+    """A cue in which players walk on the stage."""
 
     verb: ClassVar[str] = "walks_to"
 
@@ -299,7 +302,7 @@ class WalksToCue(WalkCue):
 
 
 class EntersToCue(WalkCue):
-    """A walk onto the stage, by a player who is off it."""
+    """A cue in which players who are off the stage walk onto it."""
 
     verb: ClassVar[str] = "enters_to"
 
@@ -308,7 +311,7 @@ class EntersToCue(WalkCue):
 
 
 class ExitsToCue(WalkCue):
-    """A walk off the stage; the next cue of the player can only be an entrance."""
+    """A cue in which players walk off the stage; their next cue can only be an entrance."""
 
     verb: ClassVar[str] = "exits_to"
 
@@ -317,7 +320,7 @@ class ExitsToCue(WalkCue):
 
 
 class TurnsToCue(TimedCue):
-    """A turn on the spot."""
+    """A cue in which players turn on the spot."""
 
     verb: ClassVar[str] = "turns_to"
 
@@ -326,7 +329,7 @@ class TurnsToCue(TimedCue):
 
 
 class LooksAtCue(TimedCue):
-    """A look."""
+    """A cue in which players look at something."""
 
     verb: ClassVar[str] = "looks_at"
 
@@ -335,7 +338,7 @@ class LooksAtCue(TimedCue):
 
 
 class PointsAtCue(TimedCue):
-    """A pointing hand."""
+    """A cue in which players point at something."""
 
     verb: ClassVar[str] = "points_at"
 

@@ -1,4 +1,8 @@
-"""Log of a script while it is compiled: mistakes, and changes."""
+"""Log of a script while it is compiled: mistakes, and changes.
+
+A script is a score or a play. A change is a deviation of the compiled result from its text. A spot
+is the list of keys that leads to an entry of the file.
+"""
 
 from __future__ import annotations
 

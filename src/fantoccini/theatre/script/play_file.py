@@ -1,4 +1,8 @@
-"""Schema of play files: the cast, its props, the stage with its marks, and acts of cues."""
+"""Schema of play files: the cast, its props, the stage with its marks, and acts of cues.
+
+A mark is a named place on the stage, a cue a verb with its players and time. Classes with names in
+`File` are parts of one play file.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +35,7 @@ _MAX_CAMERA_ELEVATION = math.radians(80.0)
 
 
 class MarkFile(Model):
-    """A place on the stage."""
+    """A mark: a named place on the stage."""
 
     at: tuple[Real, Real]
     """x towards the audience, y to the audience's right, which is stage left [m]."""
@@ -43,9 +47,9 @@ class SpaceFile(Model):
     """A rectangle that bounds the hands."""
 
     x: tuple[Real, Real]
-    """[m]"""
+    """Lowest and highest x [m]."""
     y: tuple[Real, Real]
-    """[m]"""
+    """Lowest and highest y [m]."""
 
     def model_post_init(self, context: Any, /) -> None:
         """Refuses empty intervals."""
@@ -68,7 +72,7 @@ class StageFile(Model):
     acceleration: Size = 12.0
     """Largest acceleration of driven coordinates [m/s^2 or rad/s^2]."""
     clear: Size = 0.005
-    """Distance that players, obstacles and strings keep [m]."""
+    """Least distance between players, obstacles and strings [m]."""
     floor: Real = 0.0
     """Height of the floor [m]."""
     obstacles: tuple[AnyObstacle, ...] = ()
@@ -102,9 +106,9 @@ class PropFile(Model):
     mass: Mass | None = None
     """Mass, instead of the sum over the shapes [kg]."""
     handle: Size | None = None
-    """Height of the bar by which it hangs on a forearm [m]."""
+    """Height above its bottom of the bar by which it hangs on a forearm [m]."""
     seat: Size | None = None
-    """Height of the seat; a sitter faces along the prop's x [m]."""
+    """Height of the seat above its bottom [m]; a player on it faces along the prop's x."""
     held_by: Name | None = Field(None, alias="held by")
     """The player on whose forearm it hangs at the start."""
     side: Literal["left", "right"] = "right"
@@ -164,9 +168,9 @@ class ShotFile(Model):
     above: Angle = math.radians(10.0)
     """Angle above the horizontal from which it sees them [rad]."""
     zoom: Factor = 1.0
-    """Size in the picture, relative to that at which they just fill it."""
+    """Factor of their size in the picture; at 1 they just fill it."""
     over: NotNegative = 0.0
-    """Duration of the camera's move to this shot [beats]; a cut by default."""
+    """Duration of the camera's move to this shot [beats]; 0, the default, is a cut."""
 
     def model_post_init(self, context: Any, /) -> None:
         """Refuses a camera that looks straight down or up."""

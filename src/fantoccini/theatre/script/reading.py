@@ -1,4 +1,7 @@
-"""Readers of score and play files that report the line of every mistake."""
+"""Readers of score and play files that report the line of every mistake.
+
+A score times gestures of one puppet; a play has several puppets on a stage.
+"""
 
 from __future__ import annotations
 

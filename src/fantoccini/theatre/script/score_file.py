@@ -1,4 +1,8 @@
-"""Schema of score files: gestures in lanes, on beats or seconds."""
+"""Schema of score files: gestures in lanes, on beats or seconds.
+
+A lane is a list of gestures in order; the offsets of all lanes add up. Classes with names in `File`
+are parts of one score file.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,9 @@
-"""Timeline of a script: dependencies between cues, and the order in which they are placed."""
+"""Timeline of a script: dependencies between cues, and the order in which they are placed.
+
+A cue is a line of a score or play: a verb with its player and time. A moment is its start or end,
+or a mark: a named time of its gesture. `Spot` is the list of keys that leads to an entry of the
+file. Mistakes of the file are recorded in a log.
+"""
 
 from __future__ import annotations
 

@@ -1,6 +1,10 @@
 """Times in scores and plays: a number, or the name of a mark or of a cue's moment, and an offset.
 
 t = (mark or moment) + offset * beat
+
+A mark is a named time of a gesture or score, and a moment the start, the end or a mark of a cue. A
+spot is the list of keys that leads to an entry of the file. Mistakes of the file are recorded in a
+log.
 """
 
 from __future__ import annotations

@@ -1,6 +1,9 @@
 """Unions of the cues of scores and plays, discriminated by the verb.
 
 A cue has exactly one verb, and only the keys of that verb.
+
+A cue is a line of a score or play. A union is a type with several classes, from which the verb
+chooses.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""Values of scores and plays: factors, lengths, times, marks, places and directions."""
+"""Values of scores and plays: factors, lengths, times, marks, places and directions.
+
+A mark is here a named time of a gesture or score, or a named place on the stage.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""Verbs of scores and plays: the kinds of names in their keys, and the marks of their gestures."""
+"""Verbs of scores and plays: the kinds of names in their keys, and the marks of their gestures.
+
+A cue is a line of a score or play: a verb with its player and time. A mark is a named time of its
+gesture, such as that at which a prop changes hands.
+"""
 
 from __future__ import annotations
 
