@@ -18,9 +18,10 @@ from fantoccini.app.cli_support import (
     output_errors,
     print_message,
     print_table,
+    puppet_path,
     write_outputs,
 )
-from fantoccini.theatre.capture import load_bvh
+from fantoccini.theatre.capture import clip_path, load_bvh
 from fantoccini.theatre.perform import Recording
 from fantoccini.theatre.retarget import (
     MAX_ACCELERATION,
@@ -46,9 +47,11 @@ def follow_file(arguments: FollowArguments) -> None:
     arguments.output_options.check(out, None)
     if arguments.save is not None:
         check_output(arguments.save, (".npz",), "--save")
+    path = clip_path(arguments.clip)
+    puppet_path(arguments.file)  # a wrong name is an error before the clip is read
     with ProgressDisplay(arguments.quiet) as display:
         display.stage(f"reading {arguments.clip}")
-        clip = load_bvh(arguments.clip)
+        clip = load_bvh(path)
         for note in clip.notes:
             print_message(note)
         check_time_range(arguments.begin, arguments.end, float(clip.t[0]), float(clip.t[-1]))
