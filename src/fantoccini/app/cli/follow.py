@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+import numpy as np
 import typer
 
 from fantoccini.app.cli.show import show_run
@@ -17,6 +18,7 @@ from fantoccini.app.cli_support import (
     load_marionette,
     output_errors,
     print_message,
+    print_output,
     print_table,
     puppet_path,
     write_outputs,
@@ -154,24 +156,51 @@ def _print_report(followed: FollowResult) -> None:
         ("", ">"),
         [
             ("duration [s]", f"{retargeted.clip.duration:.4g}"),
+            (
+                "duration of the run, which starts and ends slowly and comes to rest [s]",
+                f"{followed.run.duration:.4g}",
+            ),
             ("frames, settled poses", f"{len(retargeted.t)}, {retargeted.settled}"),
             ("size relative to the person", f"{retargeted.targets.scale:.3g}"),
             ("fastest driven coordinate [m/s, rad/s]", f"{speed:.3g}"),
             ("largest acceleration [m/s^2, rad/s^2]", f"{acceleration:.3g}"),
-            ("time [s]", f"{followed.computing_time:.3g}"),
+            ("computing time [s]", f"{followed.computing_time:.3g}"),
         ],
     )
+    height = retargeted.figure.height
     print_table(
-        "Distance from the clip, root mean squares [mm]",
-        ("", "hanging>", "in motion>", "largest>", "added by motion, of the height>"),
+        f"Distance from the clip, root mean squares, and in % of the height of {1e3 * height:.0f} mm",
+        (
+            "",
+            "distance [mm]>",
+            "largest [mm]>",
+            "distance [%]>",
+            "hanging still [%]>",
+            "added by motion [%]>",
+        ),
         [
             (
                 part.name,
-                f"{1e3 * part.pose_error:.1f}",
                 f"{1e3 * part.run_error:.1f}",
                 f"{1e3 * part.max_run_error:.1f}",
-                f"{100 * part.excess:.1f} %",
+                f"{100 * part.run_error / height:.1f}",
+                f"{100 * part.pose_error / height:.1f}",
+                f"{100 * part.excess:.1f}",
             )
             for part in followed.report
         ],
+    )
+    print_table(
+        "Bending, range of the angle [deg]",
+        ("", "clip>", "run>"),
+        [
+            (bend.name, f"{np.degrees(bend.clip):.0f}", f"{np.degrees(bend.run):.0f}")
+            for bend in followed.bends
+        ],
+    )
+    worst = max(followed.report, key=lambda part: part.run_error)
+    print_output(
+        f"up to {100 * followed.error:.1f} % of the height from the clip ({worst.name}); "
+        f"{100 * worst.pose_error / height:.1f} % even if the puppet hangs still in the nearest "
+        "poses: strings cannot do better"
     )

@@ -1,6 +1,6 @@
 """Retargeting: hanging poses and motions of a puppet nearest to a captured clip."""
 
-from fantoccini.theatre.retarget.deviations import PartError, PartLoss
+from fantoccini.theatre.retarget.deviations import LimbBend, PartError, PartLoss
 from fantoccini.theatre.retarget.drafting import draft_mapping
 from fantoccini.theatre.retarget.figure import Figure, figure_of
 from fantoccini.theatre.retarget.following import (
@@ -50,6 +50,7 @@ __all__ = [
     "Figure",
     "FollowResult",
     "FollowStatus",
+    "LimbBend",
     "MappingFile",
     "PartError",
     "PartLoss",

@@ -1,4 +1,5 @@
-"""Distances of a run from its clip by groups of parts, and times in which a part is far off."""
+"""Deviations of a run from its clip: distances, bending of limbs, times in which a part is far off.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +10,7 @@ import numpy as np
 
 from fantoccini.base import Array, Times
 from fantoccini.motion import Trajectory
+from fantoccini.theatre.retarget.mapping import SIDES
 from fantoccini.theatre.retarget.retargeting import PART_WEIGHTS, RetargetedClip, part_positions
 
 PART_GROUPS = {
@@ -18,6 +20,8 @@ PART_GROUPS = {
     "trunk": ("trunk", "shoulder_left", "shoulder_right"),
 }
 """Parts whose errors are reported together."""
+_BENDS = {"elbows": ("shoulder", "elbow", "hand"), "knees": ("hip", "knee", "foot")}
+"""Joint of both limbs -> ends of its limb, with the joint between them."""
 MIN_LOSS_TIME = 0.3
 """Duration of the shortest loss that counts: one swing of a hand [s]."""
 MAX_LOST_SHARE = 0.25
@@ -68,6 +72,50 @@ def group_errors(retargeted: RetargetedClip, errors: Mapping[str, Array]) -> tup
         excess = (run_error - pose_error) / retargeted.figure.height
         groups.append(PartError(name, pose_error, run_error, float(run_errors.max()), excess))
     return tuple(groups)
+
+
+@dataclass(frozen=True)
+class LimbBend:
+    """Bending of both arms or both legs: the larger range of the angle at the joint [rad].
+
+    Attributes:
+        name: name of the joints.
+        clip: range in the clip.
+        run: range in the run.
+    """
+
+    name: str
+    clip: float
+    run: float
+
+
+def limb_bends(
+    targets: Mapping[str, Array], positions: Mapping[str, Array]
+) -> tuple[LimbBend, ...]:
+    """Bending of elbows and knees.
+
+    Args:
+        targets: part -> (T, 3) position in the clip [m].
+        positions: part -> (T, 3) position in the run [m].
+    """
+    return tuple(
+        LimbBend(
+            name,
+            *(
+                max(float(np.ptp(_bend(paths, parts, side))) for side in SIDES)
+                for paths in (targets, positions)
+            ),
+        )
+        for name, parts in _BENDS.items()
+    )
+
+
+def _bend(positions: Mapping[str, Array], parts: tuple[str, ...], side: str) -> Array:
+    """(T,) angle between the two halves of a limb [rad]; 0 if it is straight."""
+    corners = np.stack([positions[f"{part}_{side}"] for part in parts])
+    upper, lower = np.diff(corners, axis=0)
+    sine = np.linalg.norm(np.cross(upper, lower), axis=1)
+    return np.arctan2(sine, np.sum(upper * lower, axis=1))
 
 
 @dataclass(frozen=True)
