@@ -48,7 +48,7 @@ def test_guides_have_no_colour_of_a_costume_or_a_tension(look):
     costumes = [theme.rgb(colour) for colour in re.findall("#[0-9a-f]{6}", text)]
     assert len(costumes) > 100
     for colour in (*costumes, *look.tension_colours(), look.slack, look.handle, look.force):
-        assert np.linalg.norm(colour - look.guide) > 0.5, theme.to_hex(colour)
+        assert np.linalg.norm(colour - look.guide) > 0.4, theme.to_hex(colour)
 
 
 def test_a_picture_frames_its_guides(made, tmp_path):

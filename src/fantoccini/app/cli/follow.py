@@ -169,7 +169,7 @@ def _print_report(followed: FollowResult) -> None:
     )
     height = retargeted.figure.height
     print_table(
-        f"Distance from the clip, root mean squares, and in % of the height of {1e3 * height:.0f} mm",
+        f"Distance from the clip, root mean square, also in % of the height of {1e3 * height:.0f} mm",
         (
             "",
             "distance [mm]>",
@@ -191,16 +191,16 @@ def _print_report(followed: FollowResult) -> None:
         ],
     )
     print_table(
-        "Bending, range of the angle [deg]",
-        ("", "clip>", "run>"),
+        "Bending: ranges of the angles, root mean square of their difference [deg]",
+        ("", "clip>", "run>", "difference>"),
         [
-            (bend.name, f"{np.degrees(bend.clip):.0f}", f"{np.degrees(bend.run):.0f}")
+            (bend.name, *(f"{np.degrees(x):.0f}" for x in (bend.clip, bend.run, bend.error)))
             for bend in followed.bends
         ],
     )
     worst = max(followed.report, key=lambda part: part.run_error)
     print_output(
-        f"up to {100 * followed.error:.1f} % of the height from the clip ({worst.name}); "
-        f"{100 * worst.pose_error / height:.1f} % even if the puppet hangs still in the nearest "
-        "poses: strings cannot do better"
+        f"up to {100 * followed.error:.1f} % of the height from the clip ({worst.name}), of which "
+        f"{100 * worst.pose_error / height:.1f} % remain if the puppet hangs still in the nearest "
+        "poses that its strings allow"
     )

@@ -100,7 +100,8 @@ def write_outputs(
         poses: times of a strip's poses [s]; None as for :func:`fantoccini.output.strip`.
         output_options: options of the files.
         film_options: captions, sounds and shots, as arguments of :func:`fantoccini.output.film`. A
-            film beside a file with its captions (``bows.mp4``, ``bows.srt``) shows them only if asked.
+            film beside a file with its captions (``bows.mp4``, ``bows.srt``) shows them only if
+            asked.
         guides: guides in strips and films, as for :func:`fantoccini.output.film`.
 
     Raises:

@@ -97,10 +97,12 @@ def guide_strokes(geometry: Geometry, k: int, layout: Layout) -> list[Polygon]:
     lines = [
         line[k]
         for line in geometry.guides
-        if np.isfinite(line[k]).all()
-        and np.all(layout.camera.to_camera(line[k])[:, 2] > MIN_DEPTH)
+        if np.isfinite(line[k]).all() and np.all(layout.camera.to_camera(line[k])[:, 2] > MIN_DEPTH)
     ]
-    edge, colour = (_GUIDE_EDGE_WIDTH, layout.theme.lower_background), (_GUIDE_WIDTH, layout.theme.guide)
+    edge, colour = (
+        (_GUIDE_EDGE_WIDTH, layout.theme.lower_background),
+        (_GUIDE_WIDTH, layout.theme.guide),
+    )
     return [
         _stroke(Line(points, width * layout.line_width, stroke_colour), points, layout)
         for width, stroke_colour in (edge, colour)

@@ -1,5 +1,4 @@
-"""Deviations of a run from its clip: distances, bending of limbs, times in which a part is far off.
-"""
+"""Deviations of a run from its clip: distances, bending of limbs, times in which a part is lost."""
 
 from __future__ import annotations
 
@@ -76,17 +75,18 @@ def group_errors(retargeted: RetargetedClip, errors: Mapping[str, Array]) -> tup
 
 @dataclass(frozen=True)
 class LimbBend:
-    """Bending of both arms or both legs: the larger range of the angle at the joint [rad].
+    """Bending of both arms or both legs, at elbows or knees [rad].
 
     Attributes:
         name: name of the joints.
-        clip: range in the clip.
-        run: range in the run.
+        clip, run: larger range of the two joints' angles, in the clip and in the run.
+        error: difference of the angles, root mean square.
     """
 
     name: str
     clip: float
     run: float
+    error: float
 
 
 def limb_bends(
@@ -98,16 +98,15 @@ def limb_bends(
         targets: part -> (T, 3) position in the clip [m].
         positions: part -> (T, 3) position in the run [m].
     """
-    return tuple(
-        LimbBend(
-            name,
-            *(
-                max(float(np.ptp(_bend(paths, parts, side))) for side in SIDES)
-                for paths in (targets, positions)
-            ),
+    bends = []
+    for name, parts in _BENDS.items():
+        clip, run = (
+            np.stack([_bend(paths, parts, side) for side in SIDES])
+            for paths in (targets, positions)
         )
-        for name, parts in _BENDS.items()
-    )
+        ranges = (float(np.max(np.ptp(angles, axis=1))) for angles in (clip, run))
+        bends.append(LimbBend(name, *ranges, float(np.sqrt(np.mean((run - clip) ** 2)))))
+    return tuple(bends)
 
 
 def _bend(positions: Mapping[str, Array], parts: tuple[str, ...], side: str) -> Array:

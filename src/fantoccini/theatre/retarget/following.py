@@ -156,8 +156,8 @@ class FollowResult:
     def __repr__(self) -> str:
         clip = self.retargeted.clip
         return (
-            f"<FollowResult {clip.name!r}: {self.status.name}, {100 * self.error:.1f} % of the height "
-            f"from the clip, {100 * self.pose_error:.1f} % in hanging poses>"
+            f"<FollowResult {clip.name!r}: {self.status.name}, {100 * self.error:.1f} % of the "
+            f"height from the clip, {100 * self.pose_error:.1f} % in hanging poses>"
         )
 
     @property
