@@ -169,12 +169,12 @@ def _print_report(followed: FollowResult) -> None:
     )
     height = retargeted.figure.height
     print_table(
-        f"Distance from the clip, root mean square, also in % of the height of {1e3 * height:.0f} mm",
+        f"Distance from the clip, root mean square; the puppet is {1e3 * height:.0f} mm high",
         (
             "",
             "distance [mm]>",
             "largest [mm]>",
-            "distance [%]>",
+            "of the height [%]>",
             "hanging still [%]>",
             "added by motion [%]>",
         ),

@@ -80,8 +80,8 @@ def _part_path(out: Path, name: str) -> Path:
 
 def stream_run(arguments: StandStreamArguments) -> None:
     """Sends the set points of a run: G-code to a serial port, or packets over a network."""
-    stand = with_controller(load_stand(arguments.stand), arguments.controller)
-    ports = serial_ports(stand, arguments)
+    stand = load_stand(arguments.stand)
+    ports = serial_ports(with_controller(stand, arguments.controller), arguments)
     with ProgressDisplay(arguments.quiet) as display:
         points = _load_points(arguments, stand, arguments.run, display)
     controllers = [part.controller for part in points.parts.values()]
