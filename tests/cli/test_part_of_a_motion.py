@@ -147,6 +147,7 @@ tolerance: 0.3
         ("optimise", SHIFT, ("--tolerance", "1e-3")),
         ("plan", RAISE, ("--no-confirm", "--threads", "1")),
     ],
+    ids=["optimise", "plan"],
 )
 def test_a_part_of_a_search_is_written(command, text, options, tmp_path):
     (tmp_path / "given.yaml").write_text(text)
