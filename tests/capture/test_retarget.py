@@ -21,12 +21,7 @@ from fantoccini.theatre.retarget import (
     mapping_names,
     retargeting,
 )
-from fantoccini.theatre.retarget.deviations import (
-    PART_GROUPS,
-    find_losses,
-    limb_bends,
-    lost_share,
-)
+from fantoccini.theatre.retarget.deviations import PART_GROUPS, find_losses, limb_bends, lost_share
 from fantoccini.theatre.retarget.following import (
     MAX_ACCELERATION,
     MAX_SPEED,

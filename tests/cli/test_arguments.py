@@ -66,7 +66,10 @@ def test_help_names_every_command_and_the_exit_codes() -> None:
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
-        (("play", "tri"), "tri: found nothing here, and no bundled play of this name; did you mean"),
+        (
+            ("play", "tri"),
+            "tri: found nothing here, and no bundled play of this name; did you mean",
+        ),
         (("play", "nosuch"), "; the names are chase, duet, park, trio"),
         (("perform", "tri"), "; did you mean 'trio'?"),
         (("check", "tri"), "; did you mean 'trio'?"),
@@ -74,7 +77,7 @@ def test_help_names_every_command_and_the_exit_codes() -> None:
         (("check", "nosuch"), "no such file, and no bundled puppet, scene, play or stand"),
         (("simulate", "marionete"), "; did you mean 'marionette'?"),
         (("follow", "jump", "marionette"), "; did you mean 'jumps'?"),
-        (("follow", "nosuch.bvh", "marionette"), "nosuch.bvh: no such file"),
+        (("follow", "nosuch.bvh", "marionette"), "nosuch.bvh: cannot be read: no such file"),
         (("follow", "jumps", "marionete"), "; did you mean 'marionette'?"),
         (("mapping", "jump"), "; did you mean 'jumps'?"),
     ],

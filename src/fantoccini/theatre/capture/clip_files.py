@@ -35,4 +35,6 @@ def clip_path(path: str | os.PathLike[str]) -> Path:
     if name in clip_names():
         return bundled_clip_path(name)
     hint = f", and no bundled clip of this name{did_you_mean(name, clip_names())}"
-    raise FileError([Mistake(name, None, "", f"no such file{'' if path.suffix else hint}")])
+    raise FileError(
+        [Mistake(name, None, "", f"cannot be read: no such file{'' if path.suffix else hint}")]
+    )
