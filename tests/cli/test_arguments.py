@@ -68,7 +68,7 @@ def test_help_names_every_command_and_the_exit_codes() -> None:
     [
         (
             ("play", "tri"),
-            "tri: found nothing here, and no bundled play of this name; did you mean",
+            ": found nothing here, and no bundled play of this name; did you mean 'trio'?",
         ),
         (("play", "nosuch"), "; the names are chase, duet, park, trio"),
         (("perform", "tri"), "; did you mean 'trio'?"),

@@ -104,8 +104,9 @@ def limb_bends(
             np.stack([_bend(paths, parts, side) for side in SIDES])
             for paths in (targets, positions)
         )
-        ranges = (float(np.max(np.ptp(angles, axis=1))) for angles in (clip, run))
-        bends.append(LimbBend(name, *ranges, float(np.sqrt(np.mean((run - clip) ** 2)))))
+        clip_range, run_range = (float(np.max(np.ptp(angles, axis=1))) for angles in (clip, run))
+        error = float(np.sqrt(np.mean((run - clip) ** 2)))
+        bends.append(LimbBend(name, clip_range, run_range, error))
     return tuple(bends)
 
 
