@@ -78,9 +78,12 @@ def check_files(files: list[str], inputs: list[Path], quiet: bool) -> None:
 def _unknown_name(file: str) -> list[Mistake]:
     """The mistake of a name that is neither a file nor bundled."""
     names = (*bundled_files.names(), *bundled_files.scenes(), *play_names(), *stand_names())
-    is_name = file in names or Path(file).name != file or Path(file).suffix
-    if is_name or os.path.exists(file):
-        return []
+    path = Path(file)
+    try:
+        if file in names or path.name != file or path.suffix or path.exists():
+            return []
+    except OSError:
+        return []  # reading it reports the error
     hint = did_you_mean(file, names)
     text = f"no such file, and no bundled puppet, scene, play or stand of this name{hint}"
     return [Mistake(file, None, "", text)]
