@@ -8,6 +8,7 @@ import pkgutil
 from collections import Counter
 from collections.abc import Iterator
 from functools import partial
+from operator import attrgetter
 from types import ModuleType
 
 import pytest
@@ -58,12 +59,20 @@ def test_no_two_public_names_differ_in_case_alone():
 
 
 @pytest.mark.parametrize(
-    ("name", "path"),
-    [("Track", "control.Track"), ("StateError", "errors.StateError"), ("Show", "theatre.LivePlay")],
+    ("name", "path", "note"),
+    [
+        ("Track", "control.Track", ""),
+        ("StateError", "errors.StateError", ""),
+        ("Reach", "control.ReachedPoses", ""),
+        ("Sensitivity", "dynamics.RunSensitivity", ""),
+        ("Show", "theatre.LivePlay", ""),
+        ("Puppet", "model.Puppet", ", the contents of a file; fan.load returns a marionette"),
+    ],
 )
-def test_a_name_that_moved_says_where_it_is(name, path):
-    with pytest.raises(AttributeError, match=rf"it is fantoccini\.{path}$"):
+def test_a_name_that_moved_says_where_it_is(name, path, note):
+    with pytest.raises(AttributeError, match=rf"it is fantoccini\.{path}{note}$"):
         getattr(fantoccini, name)
+    assert attrgetter(path)(fantoccini) is not None
     with pytest.raises(AttributeError, match=r"no attribute 'nothing'$"):
         _ = fantoccini.nothing  # type: ignore[attr-defined]
 

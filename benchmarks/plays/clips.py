@@ -20,8 +20,7 @@ from benchmarks.capture.clips import write
 from scipy.spatial.transform import Rotation
 
 import fantoccini as fan
-from fantoccini.theatre.capture import clip_names
-from fantoccini.theatre.capture.bvh import bundled_clip_path
+from fantoccini.theatre.capture import bundled_clip_path, clip_names
 from fantoccini.theatre.retarget import clip_gesture, place_on_spot
 from fantoccini.theatre.retarget.deviations import PART_GROUPS
 from fantoccini.theatre.retarget.retargeting import part_positions

@@ -17,11 +17,11 @@ __version__ = "0.1.0"
 # The public names stand in __init__.pyi; each is imported when it is first asked for.
 _getattr, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 _RENAMED = {
-    "Puppet": "model.Puppet, the contents of a file; fan.load returns a marionette",
     "Reach": "control.ReachedPoses",
     "Sensitivity": "dynamics.RunSensitivity",
     "Show": "theatre.LivePlay",
 }
+_NOTES = {"Puppet": "the contents of a file; fan.load returns a marionette"}
 _PACKAGES = (
     "errors",
     "control",
@@ -41,10 +41,16 @@ def __getattr__(name: str) -> Any:
     except AttributeError:
         if name.startswith("_"):
             raise
-        owners = [package for package in _PACKAGES if name in dir(_getattr(package))]
-        path = _RENAMED.get(name) or (f"{owners[0]}.{name}" if owners else "")
-        hint = f"; it is fantoccini.{path}" if path else ""
-        raise AttributeError(f"module 'fantoccini' has no attribute {name!r}{hint}") from None
+        message = f"module 'fantoccini' has no attribute {name!r}{_location_hint(name)}"
+        raise AttributeError(message) from None
+
+
+def _location_hint(name: str) -> str:
+    """Clause of an error message that says where a name is now; empty for unknown names."""
+    owners = [package for package in _PACKAGES if name in dir(_getattr(package))]
+    path = _RENAMED.get(name) or (f"{owners[0]}.{name}" if owners else "")
+    note = f", {_NOTES[name]}" if name in _NOTES else ""
+    return f"; it is fantoccini.{path}{note}" if path else ""
 
 
 __all__ += ["__version__"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +21,7 @@ from fantoccini.theatre.retarget import (
     mapping_names,
     retargeting,
 )
-from fantoccini.theatre.retarget.deviations import PART_GROUPS, find_losses, lost_share
+from fantoccini.theatre.retarget.deviations import PART_GROUPS, find_losses, limb_bends, lost_share
 from fantoccini.theatre.retarget.following import (
     MAX_ACCELERATION,
     MAX_SPEED,
@@ -311,6 +312,24 @@ def test_a_run_far_from_its_clip_does_not_follow(marionette, monkeypatch):
     assert "does not follow: the error of its" in result.stderr and "slower hands" in result.stderr
 
 
+def test_the_report_tells_of_legs_that_do_not_bend():
+    """Knees of the clip bend to 60 degrees and back, those of the run hang straight."""
+    angles = np.radians(60.0) * np.sin(np.linspace(0.0, np.pi, 31))
+    shin = np.stack([np.zeros(31), np.sin(angles), -np.cos(angles)], axis=1)
+    clip, run = {}, {}
+    for side in ("left", "right"):
+        for upper, middle, end in (("hip", "knee", "foot"), ("shoulder", "elbow", "hand")):
+            for paths in (clip, run):
+                paths[f"{upper}_{side}"] = np.zeros((31, 3))
+                paths[f"{middle}_{side}"] = np.tile([0.0, 0.0, -1.0], (31, 1))
+                paths[f"{end}_{side}"] = np.tile([0.0, 0.0, -2.0], (31, 1))
+        clip[f"foot_{side}"] = clip[f"knee_{side}"] + shin
+    elbows, knees = limb_bends(clip, run)
+    assert (elbows.clip, elbows.run, elbows.error) == (0.0, 0.0, 0.0)
+    assert knees.run == 0.0 and knees.clip == pytest.approx(np.radians(60.0))
+    assert knees.error == pytest.approx(np.sqrt(np.mean(angles**2)))
+
+
 def test_a_part_that_is_lost_for_a_while_is_reported_with_its_time():
     """A hand that swings over its string is off for a second, which a mean over the clip hides."""
     t = np.linspace(0.0, 10.0, 301)
@@ -470,7 +489,11 @@ def test_the_command_follows_and_writes(tmp_path):
     result = fantoccini("follow", str(path), "marionette", *out)
     assert result.exit_code == 0, result.stderr
     assert "hands" in result.stdout and "trunk" in result.stdout
-    assert fan.Trajectory.load(tmp_path / "bow.npz").t[-1] > 6.0
+    assert "of the height [%]" in result.stdout and "Bending: ranges of the angles" in result.stdout
+    assert re.search(r"up to \d+\.\d % of the height from the clip", result.stdout)
+    run = fan.Trajectory.load(tmp_path / "bow.npz")
+    assert run.t[-1] > 6.0
+    assert re.search(rf"duration of the run, .* {run.duration:.4g}\n", result.stdout)
     assert fan.theatre.Recording.load(tmp_path / "take.npz").duration > 6.0
     failed = fantoccini("follow", str(path), "marionette", "--mapping", "posr")
     assert failed.exit_code == 2 and "did you mean 'poser'" in failed.stderr

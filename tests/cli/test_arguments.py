@@ -63,6 +63,30 @@ def test_help_names_every_command_and_the_exit_codes() -> None:
         assert code in " ".join(text.split())
 
 
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (
+            ("play", "tri"),
+            ": found nothing here, and no bundled play of this name; did you mean 'trio'?",
+        ),
+        (("play", "nosuch"), "; the names are chase, duet, park, trio"),
+        (("perform", "tri"), "; did you mean 'trio'?"),
+        (("check", "tri"), "; did you mean 'trio'?"),
+        (("check", "marionete"), "; did you mean 'marionette'?"),
+        (("check", "nosuch"), "no such file, and no bundled puppet, scene, play or stand"),
+        (("simulate", "marionete"), "; did you mean 'marionette'?"),
+        (("follow", "jump", "marionette"), "; did you mean 'jumps'?"),
+        (("follow", "nosuch.bvh", "marionette"), "nosuch.bvh: cannot be read: no such file"),
+        (("follow", "jumps", "marionete"), "; did you mean 'marionette'?"),
+        (("mapping", "jump"), "; did you mean 'jumps'?"),
+    ],
+)
+def test_a_wrong_name_is_told_at_once_in_one_line(arguments, sentence) -> None:
+    (line,) = mistake(*arguments).splitlines()
+    assert sentence in line
+
+
 def test_the_documentation_names_every_option() -> None:
     text = (ROOT / "docs" / "cli.md").read_text(encoding="utf-8")
     for command in (*COMMANDS, *SUBCOMMANDS):

@@ -121,6 +121,68 @@ def test_captions_are_those_of_scores_and_plays(swung, tmp_path):
     assert ".srt" in mistake("export", swung, out)
 
 
+SHIFT = """\
+task: shift
+puppet: crane
+start: {trolley: 0}
+end: {trolley: 0.1}
+duration: 2
+bounds: {acceleration: 2}
+interval: 0.2
+step: 0.05
+"""
+RAISE = """\
+problem: raise
+puppet: arm2d
+start: {hand.length: 0.8}
+goal:
+  pose: {elbow: 40 deg}
+tolerance: 0.3
+"""
+
+
+@pytest.mark.parametrize(
+    ("command", "text", "options"),
+    [
+        ("optimise", SHIFT, ("--tolerance", "1e-3")),
+        ("plan", RAISE, ("--no-confirm", "--threads", "1")),
+    ],
+    ids=["optimise", "plan"],
+)
+def test_a_part_of_a_search_is_written(command, text, options, tmp_path):
+    (tmp_path / "given.yaml").write_text(text)
+    names = ("whole.npz", "part.npz", "part.csv", "part.mp4")
+    whole, part, table, film = (tmp_path / name for name in names)
+    search = (command, tmp_path / "given.yaml", *options, "--quiet", "--out")
+    assert fantoccini(*search, whole).exit_code == 0
+    run = fan.Trajectory.load(whole)
+    begin, end = (round(share * run.duration, 3) for share in (0.25, 0.75))
+    more_files = ("--out", table, "--out", film, "--fps", "10", "--size", "64x48")
+    done = fantoccini(*search, part, *more_files, "--from", begin, "--to", end)
+    assert done.exit_code == 0, done.stderr
+    run_part = fan.Trajectory.load(part)
+    assert (run_part.t[0], run_part.t[-1]) == (begin, end)
+    assert run_part.q_D[0] == pytest.approx(run.at(begin).q_D, abs=1e-9)
+    rows = table.read_text().splitlines()
+    times = [float(rows[k].split(",")[0]) for k in (1, -1)]
+    assert times == pytest.approx([begin, end], abs=0.1 + 1e-9)
+    assert film_duration(film) == pytest.approx(end - begin, abs=0.11)
+
+
+def test_times_beyond_a_search_are_reported(tmp_path):
+    """An optimised motion has a duration before the search, a plan only after it."""
+    for name, text in (("shift", SHIFT), ("raise", RAISE)):
+        (tmp_path / f"{name}.yaml").write_text(text)
+    out = tmp_path / "part.npz"
+    message = mistake("optimise", tmp_path / "shift.yaml", "--out", out, "--to", "3")
+    assert "the motion lasts from 0 s to 2 s" in " ".join(message.split())
+    assert not out.exists() and "optimising" not in message
+    done = fantoccini("plan", tmp_path / "raise.yaml", "--no-confirm", "--out", out, "--to", "99")
+    assert done.exit_code == 1
+    assert "; the files contain the whole motion" in " ".join(done.stderr.split())
+    assert fan.Trajectory.load(out).t[0] == 0.0
+
+
 def test_follow_follows_a_part_of_the_clip(tmp_path):
     message = mistake("follow", "jumps", "marionette", "--from", "1000")
     assert "--from" in message and "the motion lasts from 0 s to" in " ".join(message.split())

@@ -57,6 +57,15 @@ def test_the_summary_goes_to_stdout_and_progress_to_stderr(lift) -> None:
     assert (quiet.exit_code, quiet.stdout, quiet.stderr) == (0, "", "")
 
 
+def test_a_run_without_inputs_says_that_nothing_moves_the_strings(lift) -> None:
+    note = "nothing moves the strings in these 0.5 s; --inputs takes a file"
+    run = ("simulate", "arm2d", "--duration", "0.5")
+    assert note in fantoccini(*run).stderr
+    for options in (("--inputs", lift), ("--quiet",)):
+        result = fantoccini(*run, *options)
+        assert result.exit_code == 0 and "nothing moves" not in result.stderr
+
+
 def test_the_variational_method_takes_its_step(tmp_path) -> None:
     out = tmp_path / "run.npz"
     words = ("--method", "variational", "--dt", "0.01", "--duration", "0.5", "--out", out)

@@ -19,6 +19,7 @@ from tests.cli.command import fantoccini
 from tests.stand.hoist import HOIST, STAND, lift
 
 import fantoccini as fan
+from fantoccini.app.cli import stand_motion, stand_sending
 from fantoccini.stand import (
     Emulator,
     GrblMachine,
@@ -194,6 +195,44 @@ def test_a_controller_that_restarts_or_is_unplugged_is_noticed_at_once(files, ev
     assert seconds < 15.0  # much less than the 30 s of a silent controller
     line = int(re.search(r"continue with --from-line (\d+)", stderr)[1])
     assert 0 < last_line.number - line <= points.controller.planner + 4
+
+
+class RealTimeMachine(GrblMachine):
+    """A controller that acknowledges the end of its program when its moves have ended."""
+
+    def answer(self, text):
+        begun, answer = self.time, super().answer(text)
+        if text == "M2":
+            time.sleep(self.time - begun)
+        return answer
+
+
+def test_a_long_move_to_the_parking_position_is_no_silence(files, monkeypatch):
+    stand = (files / "stand.yaml").read_text() + "    home: {towards: min, at: 0.2, speed: 0.1}\n"
+    (files / "home.yaml").write_text(stand)
+    points = points_of(files, "grbl")
+    machine = RealTimeMachine(grbl_settings(points.map.stand, points.controller, points.rate))
+    monkeypatch.setattr(stand_sending, "MAX_SILENCE", 0.5)
+    with Emulator(machine) as emulator:
+        arguments = ("home.yaml", "run.npz", "--controller", "grbl", "--park")
+        monkeypatch.chdir(files)
+        done = fantoccini("stand", "stream", *arguments, "--port", emulator.port)
+    assert done.exit_code == 0, done.stderr
+    assert machine.position[0] == pytest.approx(202.0, abs=0.02)  # 2 mm off the switch
+
+
+def test_the_ports_of_a_stand_are_read_once(files, monkeypatch):
+    calls, serial_ports = [], stand_sending.serial_ports
+
+    def counted(*arguments):
+        calls.append(arguments)
+        return serial_ports(*arguments)
+
+    for module in (stand_motion, stand_sending):
+        monkeypatch.setattr(module, "serial_ports", counted)
+    arguments = (files / "stand.yaml", files / "run.npz", "--controller", "grbl", "--dry-run")
+    assert fantoccini("stand", "stream", *arguments).exit_code == 0
+    assert len(calls) == 1
 
 
 def test_enter_resumes_without_loss(files):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import sys
 import threading
 
@@ -18,6 +19,7 @@ from fantoccini.stand import (
     first_lost_line,
     gcode,
     gcode_lines,
+    gcode_program,
     grbl_settings,
     loads_stand,
     resume_lines,
@@ -154,6 +156,22 @@ def test_lines_that_a_reset_may_have_lost(points):
             assert machine.answer(line.text) == "ok"
         machine.finish()
         assert machine.position[0] == pytest.approx(1e3 * points.motion.position[-1, 0], abs=0.02)
+
+
+def test_a_program_knows_the_longest_wait_for_an_answer():
+    """The emulator times all moves by itself, and executes them as late as the planner allows."""
+    home, hoist = "    home: {towards: min, at: 0.2, speed: 0.03}\n", fan.loads(HOIST)
+    points = set_points(
+        loads_stand(ABLE + home), lift(hoist), hoist, controller="grbl", slack=0.05, park=True
+    )
+    program, machine, waits = gcode_program(points), machine_of(points), []
+    for line in gcode_lines(program.text):
+        begun = machine.time
+        assert machine.answer(line.text) == "ok"
+        waits.append(machine.time - begun)
+    assert 1.5 < max(waits) < program.max_wait < 2.0 * max(waits)
+    homing = gcode_program(dataclasses.replace(points, home=True))
+    assert homing.max_wait > 0.7 / 0.03
 
 
 def test_silence_and_wrong_ports_are_reported(points):

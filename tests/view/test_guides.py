@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 from matplotlib.image import imread
 
 import fantoccini as fan
+from fantoccini.model.puppet import bundled_files
 from fantoccini.output import view
+from fantoccini.output.view import theme
+
+PUPPETS = bundled_files.path("hans").parent
 
 
 @pytest.fixture(scope="module")
@@ -24,17 +30,25 @@ def hand_guide(times):
 
 def guide_pixels(path) -> int:
     """Pixels of the colour of guides."""
-    red, green, blue = (255.0 * imread(path)[..., i] for i in range(3))
-    return int(np.sum((green > red + 60.0) & (green > blue + 20.0)))
+    return int(np.sum(np.linalg.norm(imread(path)[..., :3] - theme.LIGHT.guide, axis=2) < 0.05))
 
 
 def test_guides_are_drawn(made, tmp_path):
     arm, run = made
-    green = []
+    pixels = []
     for name, guides in (("with", hand_guide), ("without", None)):
         path = view.strip(arm, run, tmp_path / f"{name}.png", n=2, times="even", guides=guides)
-        green.append(guide_pixels(path))
-    assert green[0] > 500 > green[1]
+        pixels.append(guide_pixels(path))
+    assert pixels[0] > 500 and pixels[1] == 0
+
+
+@pytest.mark.parametrize("look", theme.THEMES.values(), ids=theme.THEMES)
+def test_guides_have_no_colour_of_a_costume_or_a_tension(look):
+    text = "".join(path.read_text("utf-8") for path in PUPPETS.glob("*.yaml"))
+    costumes = [theme.rgb(colour) for colour in re.findall("#[0-9a-f]{6}", text)]
+    assert len(costumes) > 100
+    for colour in (*costumes, *look.tension_colours(), look.slack, look.handle, look.force):
+        assert np.linalg.norm(colour - look.guide) > 0.4, theme.to_hex(colour)
 
 
 def test_a_picture_frames_its_guides(made, tmp_path):

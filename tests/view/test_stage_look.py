@@ -123,6 +123,17 @@ def test_a_strip_shows_one_stage_for_each_pose(tmp_path, swung):
         assert light[100:200, 200 * k + 60 : 200 * k + 130].mean() > 0.15
 
 
+def test_a_strip_without_times_has_equal_time_steps(tmp_path, swung):
+    m, run = swung
+    pictures = []
+    for k, times in enumerate(({}, {"times": "even"}, {"times": "poses"})):
+        path = tmp_path / f"{k}.png"
+        view.strip(m, run, path, n=4, size=(400, 120), scale=1.0, look="stage", **times)
+        pictures.append(imread(path))
+    assert np.array_equal(pictures[0], pictures[1])
+    assert not np.array_equal(pictures[0], pictures[2])
+
+
 def test_a_theme_with_the_look_of_a_stage_is_refused(tmp_path, swung):
     with pytest.raises(ValueError, match="has its own colours; leave it out"):
         view.film(*swung, tmp_path / "a.mp4", theme="dark", look="stage")

@@ -36,6 +36,7 @@ from fantoccini.stand.stand_file import (
     stand_schema,
 )
 from fantoccini.stand.streaming import (
+    MAX_SILENCE,
     STOPPED,
     Channel,
     StreamCounts,
@@ -48,6 +49,7 @@ from fantoccini.stand.suggestions import lost_step_lines, remedies
 from fantoccini.stand.tempo import SlowedRun, find_slower_tempo, inputs_of, slow_down
 
 __all__ = [
+    "MAX_SILENCE",
     "QUANTITIES",
     "SET_POINT_SUFFIXES",
     "STOPPED",

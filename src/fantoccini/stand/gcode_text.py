@@ -1,4 +1,4 @@
-"""G-code of set points for GRBL, FluidNC, Marlin and Klipper.
+"""G-code of set points for GRBL, FluidNC and Marlin; :func:`gcode` also writes that of Klipper.
 
 Positions are in mm, or in degrees for an axis that turns (A, B and C). As in GRBL, the path length
 of a move is the root of the sum of squares over all axes, with degrees counted as mm.
@@ -9,15 +9,21 @@ the junction deviation is the distance by which a controller may cut a corner.
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from fantoccini.base import Array, StandError
-from fantoccini.stand.axes import Axis, axes_of
+from fantoccini.stand.axes import axes_of
 from fantoccini.stand.controllers import Grbl, Klipper, Marlin, axis_letters
+from fantoccini.stand.gcode_words import (
+    gcode_units,
+    title_lines,
+    with_decimals,
+    with_significant_digits,
+)
+from fantoccini.stand.klipper_text import klipper_gcode
 from fantoccini.stand.points import SLOW_SPEED_SHARE, SetPoints
 from fantoccini.stand.stand_file import Stand
 from fantoccini.stand.timed_moves import Limits, TimedMoves, timed_moves
@@ -32,7 +38,6 @@ MIN_JUNCTION_DEVIATION = 0.01
 MAX_LINE_LENGTH = 79
 """Longest line for GRBL [characters]."""
 
-_KLIPPER_NAME = re.compile(r"[A-Za-z0-9_]+")
 SETTLING_DWELL = 0.1
 """Dwell before the motion, during which all earlier moves end [s]."""
 
@@ -62,11 +67,6 @@ class GrblSettings(Limits):
                 f"${120 + k}={self.acceleration[k]:.3f}",
             ]
         return lines
-
-
-def gcode_units(axes: tuple[Axis, ...]) -> Array:
-    """(n,) units of G-code per unit of the axes: mm per m, or degrees per rad."""
-    return np.array([1000.0 if axis.unit == "m" else np.degrees(1.0) for axis in axes])
 
 
 def grbl_settings(stand: Stand, controller: Any, rate: float) -> GrblSettings:
@@ -103,11 +103,13 @@ class Program:
         text: the lines.
         first_line: number of the first line of the motion, from 1.
         begin: (m,) times in the set points at which this and the following lines begin [s].
+        max_wait: longest duration of the moves that a controller ends before it answers [s].
     """
 
     text: str
     first_line: int
     begin: Array
+    max_wait: float
 
     def time_of(self, line: int) -> float:
         """Time in the set points at which a line begins [s]; 0 before the motion."""
@@ -126,7 +128,7 @@ def gcode(points: SetPoints, inverse: bool = True) -> str:
         StandError: the controller does not accept G-code, or cannot keep the times.
     """
     if isinstance(points.controller, Klipper):
-        return _klipper_gcode(points)
+        return klipper_gcode(points)
     return gcode_program(points, inverse).text
 
 
@@ -151,23 +153,46 @@ def gcode_program(points: SetPoints, inverse: bool = True) -> Program:
     begin = moves.begin
     if points.resumed is not None:
         begin = np.interp(begin, points.motion.t, points.resumed)
-    return Program("\n".join([*lines, ""]), lines.index("; motion") + 2, begin)
+    # Before a dwell and at the end, a controller answers once its planner is empty.
+    window = np.ones(settings.planner + 1)
+    max_wait = float(np.max(np.convolve(writer.seconds, window)))
+    return Program("\n".join([*lines, ""]), lines.index("; motion") + 2, begin, max_wait)
 
 
 def slow_feed(points: SetPoints) -> float:
-    """Feed at which no axis exceeds ``SLOW_SPEED_SHARE`` of its largest speed [mm/min]."""
+    """Feed at which no axis exceeds ``SLOW_SPEED_SHARE`` of its largest speed [mm/min].
+
+    At least 1, the minimum of GRBL.
+    """
     speeds = np.array([axis.file.speed for axis in points.axes]) * gcode_units(points.axes)
-    return float(np.floor(60.0 * SLOW_SPEED_SHARE * np.min(speeds)))
+    return max(1.0, float(np.floor(60.0 * SLOW_SPEED_SHARE * np.min(speeds))))
+
+
+def _first_move_time(points: SetPoints) -> float:
+    """Longest duration of homing, or of a slow move to where a stream resumes [s]."""
+    travels = np.ptp([axis.travel for axis in points.axes], axis=1)
+    path_length = float(np.linalg.norm(travels * gcode_units(points.axes)))
+    homing_times = [
+        travel / axis.file.home.speed
+        for axis, travel in zip(points.axes, travels, strict=True)
+        if axis.file.home is not None
+    ]
+    return max(60.0 * path_length / slow_feed(points), sum(homing_times) if points.home else 0.0)
 
 
 class GcodeWriter:
-    """Writer of G-code lines for GRBL, FluidNC and Marlin."""
+    """Writer of G-code lines for GRBL, FluidNC and Marlin.
+
+    Attributes:
+        seconds: longest durations of the lines that move the axes or dwell, in order [s].
+    """
 
     def __init__(self, points: SetPoints, settings: GrblSettings, inverse: bool, is_marlin: bool):
         self.points, self.settings = points, settings
         self.inverse, self.is_marlin = inverse, is_marlin
         self.scale = gcode_units(points.axes)
         self.last_words: dict[str, str] = {}  # letter of an axis -> its last position
+        self.seconds = [_first_move_time(points)]
 
     def lines_before(self) -> list[str]:
         """Lines before the motion: units, homing, slack, and the move to the start."""
@@ -195,6 +220,7 @@ class GcodeWriter:
     def lines_of_motion(self, moves: TimedMoves) -> list[str]:
         """Lines of the motion."""
         lines = []
+        self.seconds += moves.seconds.tolist()
         for k in range(len(moves)):
             if moves.dwells[k]:
                 lines.append(self._dwell(moves.seconds[k]))
@@ -206,7 +232,7 @@ class GcodeWriter:
                 length = self._marlin_length(previous_words)
             speed = moves.speed[k] * length / moves.length[k]
             feed = 60.0 * speed / length if self.inverse else 60.0 * speed
-            lines.append(f"G1{words}F{_with_significant_digits(feed, 8)}")
+            lines.append(f"G1{words}F{with_significant_digits(feed, 8)}")
         return lines
 
     def lines_after(self) -> list[str]:
@@ -228,7 +254,8 @@ class GcodeWriter:
         is_moving = distance > 0.0
         rate = SLOW_SPEED_SHARE * float(np.min(speed[is_moving] * length / distance[is_moving]))
         words = self._words(self._whole_steps(end * self.scale))
-        return [f"G1{words}F{_with_significant_digits(60.0 * rate, 6)}"]
+        self.seconds.append(length / rate)
+        return [f"G1{words}F{with_significant_digits(60.0 * rate, 6)}"]
 
     def _set_position(self, words: str) -> str:
         """The command that sets the present position to these words."""
@@ -238,7 +265,7 @@ class GcodeWriter:
         return (
             f"G4P{1000.0 * seconds:.0f}"
             if self.is_marlin
-            else f"G4P{_with_significant_digits(seconds, 6)}"
+            else f"G4P{with_significant_digits(seconds, 6)}"
         )
 
     def _whole_steps(self, position: Array) -> Array:
@@ -247,7 +274,7 @@ class GcodeWriter:
     def _position_texts(self, steps: Array) -> list[str]:
         """Positions of whole steps, with as many decimals as one step needs."""
         return [
-            _with_decimals(
+            with_decimals(
                 float(count / steps_per_unit),
                 int(np.clip(np.ceil(np.log10(steps_per_unit)) + 2, 3, 5)),
             )
@@ -281,16 +308,9 @@ class GcodeWriter:
         )
 
 
-def _title(points: SetPoints) -> list[str]:
-    """Comment lines: the stand, the size of the motion and the warning, if there is one."""
-    name, seconds = points.map.stand.name, points.motion.t[-1]
-    lines = [f"; {name}: {len(points)} set points in {seconds:.3f} s"]
-    return [*lines, f"; warning: {points.warning}"] if points.warning else lines
-
-
 def _header(points: SetPoints, settings: GrblSettings, is_marlin: bool) -> list[str]:
     """Comment lines: the stand, the letter of every axis, and the controller's settings."""
-    lines = _title(points)
+    lines = title_lines(points)
     for letter, axis in zip(settings.letters, points.axes, strict=True):
         lines.append(f"; {letter} = {axis.name} [{'mm' if axis.unit == 'm' else 'deg'}]")
     if not is_marlin:
@@ -330,94 +350,3 @@ def _check_port_speed(points: SetPoints, moves: TimedMoves, lines: list[str]) ->
                 f"the moves last {moving_time:.3f} s (t = {moves.begin[i]:.3f} s); needed: fewer "
                 "set points per second (--rate), or a faster port"
             )
-
-
-def _klipper_gcode(points: SetPoints) -> str:
-    """G-code for Klipper: every axis is a `manual_stepper`, and G4 keeps the time."""
-    names = [str(points.controller.names.get(a.name, a.name)) for a in points.axes]
-    mistakes = [
-        (("controller", "names", axis.name), f"found {name!r}; needed: letters, digits and _")
-        for axis, name in zip(points.axes, names, strict=True)
-        if not _KLIPPER_NAME.fullmatch(name)
-    ]
-    points.map.stand.raise_if_any([*mistakes])
-    scale, motion = gcode_units(points.axes), points.motion
-    lines = _title(points)
-    start = points.home_position() if points.home else motion.position[0]
-    for k, (name, axis) in enumerate(zip(names, points.axes, strict=True)):
-        if points.home and axis.file.home is not None:
-            home = axis.file.home
-            low_end, high_end = (scale[k] * x for x in axis.travel)
-            homing_move = (low_end - high_end) if home.towards == "min" else (high_end - low_end)
-            lines += [
-                f"MANUAL_STEPPER STEPPER={name} ENABLE=1 SET_POSITION=0",
-                f"MANUAL_STEPPER STEPPER={name} MOVE={_with_decimals(homing_move, 4)} "
-                f"SPEED={_with_significant_digits(home.speed * scale[k], 6)} STOP_ON_ENDSTOP=1",
-                f"MANUAL_STEPPER STEPPER={name} "
-                f"SET_POSITION={_with_decimals(home.at * scale[k], 4)}",
-                f"MANUAL_STEPPER STEPPER={name} MOVE={_with_decimals(start[k] * scale[k], 4)} "
-                f"SPEED={_with_significant_digits(home.speed * scale[k], 6)}",
-            ]
-        else:
-            lines.append(
-                f"MANUAL_STEPPER STEPPER={name} ENABLE=1 "
-                f"SET_POSITION={_with_decimals(start[k] * scale[k], 4)}"
-            )
-    for target in points.targets_before():
-        lines += _klipper_move(points, names, start, target, None)
-        start = target
-    lines.append("; motion")
-    for i in range(len(motion) - 1):
-        seconds = float(motion.t[i + 1] - motion.t[i])
-        p = motion.position
-        lines += _klipper_move(points, names, p[i], p[i + 1], seconds)
-    lines.append("; end")
-    parking_position = points.target_after()
-    if parking_position is not None:
-        lines += _klipper_move(points, names, motion.position[-1], parking_position, None)
-    return "\n".join([*lines, ""])
-
-
-def _klipper_move(
-    points: SetPoints, names: list[str], first: Array, last: Array, seconds: float | None
-) -> list[str]:
-    """A move of all axes and a wait for its end; slow, unless ``seconds`` gives its duration."""
-    scale = gcode_units(points.axes)
-    lines = []
-    begin, end = ([float(_with_decimals(x, 4)) for x in p * scale] for p in (first, last))
-    distances = [abs(b - a) for a, b in zip(begin, end, strict=True)]
-    duration, accelerations = seconds or 0.0, [0.0] * len(names)
-    if seconds is None:
-        max_speeds = [axis.file.speed or 0.0 for axis in points.axes]
-        speeds = [SLOW_SPEED_SHARE * s * v for s, v in zip(scale, max_speeds, strict=True)]
-        accelerations = [
-            s * (a.file.acceleration or 0.0) for s, a in zip(scale, points.axes, strict=True)
-        ]
-        duration = max(d / v for d, v in zip(distances, speeds, strict=True))
-    for k, name in enumerate(names):
-        if distances[k]:
-            lines.append(
-                f"MANUAL_STEPPER STEPPER={name} MOVE={_with_decimals(end[k], 4)} "
-                f"SPEED={_with_significant_digits(distances[k] / duration, 9)} "
-                f"ACCEL={_with_significant_digits(accelerations[k], 6)} SYNC=0"
-            )
-    if seconds is None and lines:  # each ramp adds speed / acceleration
-        duration += max(d / duration / a for d, a in zip(distances, accelerations, strict=True))
-    return [*lines, f"G4 P{_with_significant_digits(1000.0 * duration, 9)}"] if duration else []
-
-
-def klipper_macro(text: str, name: str) -> str:
-    """G-code lines as a `[gcode_macro]` section of Klipper's configuration."""
-    lines = [f"  {line}" for line in text.splitlines() if not line.startswith(";")]
-    return "\n".join([f"[gcode_macro {name}]", "gcode:", *lines, ""])
-
-
-def _with_decimals(value: float, decimals: int) -> str:
-    text = f"{value:.{decimals}f}".rstrip("0").rstrip(".")
-    return "0" if text in ("-0", "") else text
-
-
-def _with_significant_digits(value: float, digits: int) -> str:
-    """A positive number with this many significant digits, without exponent."""
-    before = int(np.floor(np.log10(value))) + 1 if value > 0.0 else 1
-    return _with_decimals(value, max(0, digits - max(before, 1)))

@@ -16,7 +16,8 @@ import numpy as np
 from fantoccini.base import StandError, replacing
 from fantoccini.base.documents import yaml_of
 from fantoccini.stand.controllers import Dynamixel, Klipper, ODrive, Ros2
-from fantoccini.stand.gcode_text import gcode, klipper_macro
+from fantoccini.stand.gcode_text import gcode
+from fantoccini.stand.klipper_text import klipper_macro
 from fantoccini.stand.points import SetPoints
 
 SET_POINT_SUFFIXES = (".csv", ".gcode", ".nc", ".cfg", ".json", ".yaml", ".yml")

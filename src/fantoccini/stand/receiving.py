@@ -14,7 +14,7 @@ import numpy as np
 from fantoccini.base import AddressError, Array, StandError, Times, osc_library, socket_at
 from fantoccini.stand.axes import axes_of
 from fantoccini.stand.controllers import ArtNet, Osc
-from fantoccini.stand.gcode_text import gcode_units
+from fantoccini.stand.gcode_words import gcode_units
 from fantoccini.stand.packets import (
     DMX_HEADER,
     DMX_OPCODE,

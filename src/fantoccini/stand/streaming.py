@@ -25,7 +25,7 @@ from fantoccini.base import MissingLibraryError, OnProgress, Progress, StandErro
 HOLD, RESUME, RESET = b"!", b"~", b"\x18"
 """GRBL's one-character commands."""
 MAX_SILENCE = 30.0
-"""Longest wait for an answer [s]; dwells and homing take long."""
+"""Longest wait for an answer [s], in addition to the duration of moves that precede it."""
 STOPPED = "stopped here"
 """Reason of the error when a hold is not followed by a resume."""
 GRBL_ERRORS = {
@@ -209,7 +209,7 @@ class Channel:
     def check_silence(self, silence: float) -> None:
         """Raises a StreamError if an answer is missing for longer than ``silence`` [s]."""
         if self._unanswered and time.monotonic() - self.last_answer_time > silence:
-            raise self.error(f"no answer in {silence:g} s")
+            raise self.error(f"no answer in {silence:.3g} s")
 
     def error(self, reason: str) -> StreamError:
         """An error at the first line that is not acknowledged."""
@@ -282,7 +282,8 @@ def stream_together(
     Args:
         channels: the controllers with their lines.
         progress: callback after every acknowledged line.
-        silence: longest wait for an answer [s].
+        silence: longest wait for an answer [s]; for lines of a :class:`Program` at least its
+            ``max_wait`` and a reserve.
         hold: event that another thread sets to hold all motion.
         should_resume: callback that decides, during a hold, whether to resume.
 

@@ -27,9 +27,10 @@ from fantoccini.app.cli_support import (
     puppet_warnings,
     score_lines,
 )
-from fantoccini.base import FileError, Mistake
+from fantoccini.base import FileError, Mistake, did_you_mean
 from fantoccini.dynamics.compiled import check_mass_matrix
 from fantoccini.dynamics.marionette import Marionette
+from fantoccini.model.puppet import bundled_files
 from fantoccini.model.tree import measure
 from fantoccini.stand import AxisMap, is_stand, load_stand, stand_names
 from fantoccini.theatre.plays import play_names
@@ -49,6 +50,11 @@ def check_files(files: list[str], inputs: list[Path], quiet: bool) -> None:
     """
     all_correct = True
     for file in files:
+        mistakes = _unknown_name(file)
+        if mistakes:
+            _print_problems(mistakes)
+            all_correct = False
+            continue
         if is_play(file) or (file in play_names() and not os.path.exists(file)):
             all_correct &= _check_play(file, inputs, quiet)
             continue
@@ -72,6 +78,20 @@ def check_files(files: list[str], inputs: list[Path], quiet: bool) -> None:
             all_correct &= _check_inputs(puppet, path, quiet)
     if not all_correct:
         raise typer.Exit(MISTAKE)
+
+
+def _unknown_name(file: str) -> list[Mistake]:
+    """The mistake of a name that is neither a file nor bundled."""
+    names = (*bundled_files.names(), *bundled_files.scenes(), *play_names(), *stand_names())
+    path = Path(file)
+    try:
+        if file in names or path.name != file or path.suffix or path.exists():
+            return []
+    except OSError:
+        return []  # reading it reports the error
+    hint = did_you_mean(file, names)
+    text = f"no such file, and no bundled puppet, scene, play or stand of this name{hint}"
+    return [Mistake(file, None, "", text)]
 
 
 def _load_puppet(file: str) -> Marionette | None:

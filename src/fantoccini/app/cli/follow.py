@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+import numpy as np
 import typer
 
 from fantoccini.app.cli.show import show_run
@@ -21,10 +22,12 @@ from fantoccini.app.cli_support import (
     load_marionette,
     output_errors,
     print_message,
+    print_output,
     print_table,
+    puppet_path,
     write_outputs,
 )
-from fantoccini.theatre.capture import load_bvh
+from fantoccini.theatre.capture import clip_path, load_bvh
 from fantoccini.theatre.perform import Recording
 from fantoccini.theatre.retarget import (
     MAX_ACCELERATION,
@@ -50,9 +53,11 @@ def follow_file(arguments: FollowArguments) -> None:
     arguments.output_options.check(out, None)
     if arguments.save is not None:
         check_output(arguments.save, (".npz",), "--save")
+    path = clip_path(arguments.clip)
+    puppet_path(arguments.file)  # a wrong name is an error before the clip is read
     with ProgressDisplay(arguments.quiet) as display:
         display.stage(f"reading {arguments.clip}")
-        clip = load_bvh(arguments.clip)
+        clip = load_bvh(path)
         for note in clip.notes:
             print_message(note)
         check_time_range(arguments.begin, arguments.end, float(clip.t[0]), float(clip.t[-1]))
@@ -155,24 +160,51 @@ def _print_report(followed: FollowResult) -> None:
         ("", ">"),
         [
             ("duration [s]", f"{retargeted.clip.duration:.4g}"),
+            (
+                "duration of the run, which starts and ends slowly and comes to rest [s]",
+                f"{followed.run.duration:.4g}",
+            ),
             ("frames, settled poses", f"{len(retargeted.t)}, {retargeted.settled}"),
             ("size relative to the person", f"{retargeted.targets.scale:.3g}"),
             ("fastest driven coordinate [m/s, rad/s]", f"{speed:.3g}"),
             ("largest acceleration [m/s^2, rad/s^2]", f"{acceleration:.3g}"),
-            ("time [s]", f"{followed.computing_time:.3g}"),
+            ("computing time [s]", f"{followed.computing_time:.3g}"),
         ],
     )
+    height = retargeted.figure.height
     print_table(
-        "Distance from the clip, root mean squares [mm]",
-        ("", "hanging>", "in motion>", "largest>", "added by motion, of the height>"),
+        f"Distance from the clip, root mean square; the puppet is {1e3 * height:.0f} mm high",
+        (
+            "",
+            "distance [mm]>",
+            "largest [mm]>",
+            "of the height [%]>",
+            "hanging still [%]>",
+            "added by motion [%]>",
+        ),
         [
             (
                 part.name,
-                f"{1e3 * part.pose_error:.1f}",
                 f"{1e3 * part.run_error:.1f}",
                 f"{1e3 * part.max_run_error:.1f}",
-                f"{100 * part.excess:.1f} %",
+                f"{100 * part.run_error / height:.1f}",
+                f"{100 * part.pose_error / height:.1f}",
+                f"{100 * part.excess:.1f}",
             )
             for part in followed.report
         ],
+    )
+    print_table(
+        "Bending: ranges of the angles, root mean square of their difference [deg]",
+        ("", "clip>", "run>", "difference>"),
+        [
+            (bend.name, *(f"{np.degrees(x):.0f}" for x in (bend.clip, bend.run, bend.error)))
+            for bend in followed.bends
+        ],
+    )
+    worst = max(followed.report, key=lambda part: part.run_error)
+    print_output(
+        f"up to {100 * followed.error:.1f} % of the height from the clip ({worst.name}), of which "
+        f"{100 * worst.pose_error / height:.1f} % remain if the puppet hangs still in the nearest "
+        "poses that its strings allow"
     )

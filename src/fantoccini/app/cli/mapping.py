@@ -17,7 +17,7 @@ from fantoccini.app.cli_support import (
     print_message,
     print_output,
 )
-from fantoccini.theatre.capture import load_bvh
+from fantoccini.theatre.capture import clip_path, load_bvh
 from fantoccini.theatre.retarget import draft_mapping
 
 
@@ -34,9 +34,10 @@ def write_mapping(clip: Path, puppet: str | None, out: Path | None, quiet: bool)
         check_output(out, (".yaml", ".yml"), "--out")
         if os.path.exists(out):
             fail(f"{out} exists already; give another name", "--out")
+    path = clip_path(clip)
     with ProgressDisplay(quiet) as display:
         display.stage(f"reading {clip}")
-        loaded_clip = load_bvh(clip)
+        loaded_clip = load_bvh(path)
         marionette = None if puppet is None else load_marionette(puppet, display.update)
     text = draft_mapping(loaded_clip, marionette)
     if out is None:

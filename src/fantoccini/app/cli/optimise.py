@@ -18,6 +18,7 @@ from fantoccini.app.cli_support import (
     ProgressDisplay,
     check_extras,
     check_outputs,
+    check_time_range,
     fail,
     output_errors,
     print_message,
@@ -48,6 +49,8 @@ def optimise_file(arguments: OptimiseArguments) -> None:
             if not arguments.quiet:
                 print_output(f"{arguments.file}: no mistakes")
             return
+        start = task.x0.t
+        check_time_range(arguments.begin, arguments.end, start, start + task.max_duration)
         display.stage("checking whether poses reach the paths")
         for text in reach_notes(task):
             print_message(f"fantoccini: {text}")

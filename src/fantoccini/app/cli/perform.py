@@ -5,7 +5,6 @@ A cue is a line of the play: a verb with its player and time.
 
 from __future__ import annotations
 
-import os
 from typing import TYPE_CHECKING
 
 from fantoccini.app.cli.show import serve
@@ -31,10 +30,10 @@ def perform_play(arguments: PerformArguments) -> None:
         fail(f"found {receive_at}, which is also --osc-in; needed: another address", "--osc-out")
     from fantoccini.app.web import open_live_play
     from fantoccini.theatre.perform import LivePlay
-    from fantoccini.theatre.plays import load_play
+    from fantoccini.theatre.plays import load_play, play_path
     from fantoccini.theatre.script import is_play
 
-    if os.path.isfile(arguments.file) and not is_play(arguments.file):
+    if not is_play(play_path(arguments.file)):
         message = "is not a play; needed: YAML with the key `play`"
         raise FileError([Mistake(str(arguments.file), None, "", message)])
     with ProgressDisplay(arguments.quiet) as display:

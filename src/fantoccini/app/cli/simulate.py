@@ -97,6 +97,11 @@ def simulate_file(arguments: SimulateArguments) -> None:
         if not arguments.quiet:
             warn_implausible(puppet, arguments.file, inputs, arguments.inputs)
         duration = _duration(arguments, inputs)
+        if inputs is None and puppet.coordinates.n_vK and not arguments.quiet:
+            print_message(
+                f"nothing moves the strings in these {duration:g} s; --inputs takes a file, a "
+                "score of gestures or a bundled performance (`fantoccini info` lists them)"
+            )
         x0 = None if recording is None or start_values else recorded_start(puppet, recording)
         if x0 is None:
             x0 = start_state(puppet, inputs, start_values, arguments.quiet)

@@ -85,14 +85,15 @@ def _part_path(out: Path, name: str) -> Path:
 
 def stream_run(arguments: StandStreamArguments) -> None:
     """Sends the set points of a run: G-code to a serial port, or packets over a network."""
-    serial_ports(with_controller(load_stand(arguments.stand), arguments.controller), arguments)
+    stand = load_stand(arguments.stand)
+    ports = serial_ports(with_controller(stand, arguments.controller), arguments)
     with ProgressDisplay(arguments.quiet) as display:
-        points = _load_points(arguments, arguments.stand, arguments.run, display)
+        points = _load_points(arguments, stand, arguments.run, display)
     controllers = [part.controller for part in points.parts.values()]
     if isinstance(controllers[0], Osc | ArtNet):
         send_packets(points, arguments)
     elif isinstance(controllers[0], Grbl | Marlin):
-        send_lines(points, arguments)
+        send_lines(points, ports, arguments)
     else:
         raise StandError(
             f"{controllers[0].type} cannot be streamed to; needed: grbl, fluidnc, marlin, osc "
@@ -210,7 +211,7 @@ def _positions_csv(end: float, positions: Callable[[Times], Array], names: list[
 
 
 def _load_points(
-    options: StandMotionOptions, stand: str, run: Path, display: ProgressDisplay
+    options: StandMotionOptions, stand: Stand | str, run: Path, display: ProgressDisplay
 ) -> SetPoints:
     marionette, trajectory = load_run(run, options.puppet, display)
     display.stage("checking, and computing set points")

@@ -30,6 +30,7 @@ from fantoccini.app.cli_support import (
 )
 from fantoccini.base import PacketError, StandError, StreamError
 from fantoccini.stand import (
+    MAX_SILENCE,
     STOPPED,
     ArtNet,
     Channel,
@@ -58,9 +59,16 @@ _POLL_INTERVAL = 0.1
 """Interval at which a prompt checks whether it must end [s]."""
 
 
-def send_lines(points: SetPoints, arguments: StandStreamArguments) -> None:
-    """Sends G-code to the serial port of every controller, or prints it with ``--dry-run``."""
-    ports = serial_ports(points.map.stand, arguments)
+def send_lines(
+    points: SetPoints, ports: Mapping[str, str], arguments: StandStreamArguments
+) -> None:
+    """Sends G-code to the serial port of every controller, or prints it with ``--dry-run``.
+
+    Args:
+        points: set points of all axes.
+        ports: name of a controller -> its serial port; not used in a dry run.
+        arguments: arguments of the command.
+    """
     with ProgressDisplay(arguments.quiet) as display:
         display.stage("timing the moves")
         if arguments.from_time is not None:
@@ -100,7 +108,10 @@ def send_lines(points: SetPoints, arguments: StandStreamArguments) -> None:
                     )
                 )
             stream_together(
-                channels, hold=hold, should_resume=lambda: _ask_to_continue(_lines_text(counts))
+                channels,
+                silence=MAX_SILENCE + max(program.max_wait for program in programs.values()),
+                hold=hold,
+                should_resume=lambda: _ask_to_continue(_lines_text(counts)),
             )
     except StreamError as error:
         print_message(f"fantoccini: {error}")

@@ -87,7 +87,7 @@ def write_outputs(
     out: Sequence[Path],
     plot: Path | None,
     display: ProgressDisplay,
-    poses: str | Sequence[float] = "poses",
+    poses: Sequence[float] | None = None,
     output_options: OutputOptions | None = None,
     film_options: Mapping[str, Any] | None = None,
     guides: Guides | None = None,
@@ -100,11 +100,11 @@ def write_outputs(
         out: files of numbers, strips, films and animations.
         plot: file of a plot of the whole motion against time.
         display: progress display.
-        poses: times of a strip's poses; see :func:`fantoccini.output.strip`.
+        poses: times of a strip's poses [s]; None as for :func:`fantoccini.output.strip`.
         output_options: options of the files.
         film_options: captions, sounds and shots, as arguments of :func:`fantoccini.output.film`. A
-            film
-            beside a file with its captions (``bows.mp4``, ``bows.srt``) shows them only if asked.
+            film beside a file with its captions (``bows.mp4``, ``bows.srt``) shows them only if
+            asked.
         guides: guides in strips and films, as for :func:`fantoccini.output.film`.
 
     Raises:
@@ -175,7 +175,7 @@ def _write_output(
     run: Trajectory,
     path: Path,
     display: ProgressDisplay,
-    poses: str | Sequence[float],
+    poses: Sequence[float] | None,
     output_options: OutputOptions,
     film_options: Mapping[str, Any],
     guides: Guides | None,

@@ -185,18 +185,20 @@ class Task:
         """
         if self.marionette.contacts is None:
             return self.marionette, tuple(self.obstacles)
-        obstacles = standing(self.marionette.puppet, self.obstacles)
-        solids = [o for o in obstacles if not isinstance(o, HalfSpace)]
-        half_spaces = tuple(o for o in obstacles if isinstance(o, HalfSpace) and o.name != FLOOR)
-        return self.marionette.with_obstacles(solids), half_spaces
+        half_spaces = (o for o in self._standing if isinstance(o, HalfSpace) and o.name != FLOOR)
+        return self.drawn_marionette, tuple(half_spaces)
 
     @property
     def drawn_marionette(self) -> Marionette:
         """The puppet with all obstacles except half-spaces, for pictures."""
-        obstacles = standing(self.marionette.puppet, self.obstacles)
         return self.marionette.with_obstacles(
-            [obstacle for obstacle in obstacles if not isinstance(obstacle, HalfSpace)]
+            [obstacle for obstacle in self._standing if not isinstance(obstacle, HalfSpace)]
         )
+
+    @property
+    def _standing(self) -> tuple[Obstacle | HalfSpace, ...]:
+        """The puppet's obstacles, its floor, and the obstacles of the task."""
+        return standing(self.marionette.puppet, self.obstacles)
 
     @property
     def durations(self) -> tuple[float, float]:

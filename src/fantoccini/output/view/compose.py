@@ -28,6 +28,8 @@ MIN_DEPTH = 1e-6
 
 _THREAD_WIDTH = 0.9
 """Width of strings in the theme's colour, in line widths."""
+_GUIDE_WIDTH, _GUIDE_EDGE_WIDTH = 2.6, 5.0
+"""Widths of guides without and with their edge, in line widths."""
 _SHADOW_LAYERS = (9.0, 6.0, 3.5, 1.2, 0.0)
 """Widths of the nested outlines that soften a shadow's edge, in line widths."""
 
@@ -91,13 +93,24 @@ def compose_polygons(geometry: Geometry, k: int, layout: Layout) -> list[Polygon
 
 
 def guide_strokes(geometry: Geometry, k: int, layout: Layout) -> list[Polygon]:
-    """Guides, lines that the motion is compared with, at time ``t[k]``, in front of everything."""
-    colour, strokes = layout.theme.force, []
-    for line in geometry.guides:
-        points = line[k]
-        if np.isfinite(points).all() and np.all(layout.camera.to_camera(points)[:, 2] > MIN_DEPTH):
-            strokes.append(_stroke(Line(points, 2.6 * layout.line_width, colour), points, layout))
-    return strokes
+    """Guides, lines that the motion is compared with, at time ``t[k]``, in front of everything.
+
+    An edge in the colour of the background separates them from the puppet.
+    """
+    lines = [
+        line[k]
+        for line in geometry.guides
+        if np.isfinite(line[k]).all() and np.all(layout.camera.to_camera(line[k])[:, 2] > MIN_DEPTH)
+    ]
+    edge, colour = (
+        (_GUIDE_EDGE_WIDTH, layout.theme.lower_background),
+        (_GUIDE_WIDTH, layout.theme.guide),
+    )
+    return [
+        _stroke(Line(points, width * layout.line_width, stroke_colour), points, layout)
+        for width, stroke_colour in (edge, colour)
+        for points in lines
+    ]
 
 
 def arrow_polygons(geometry: Geometry, k: int, layout: Layout) -> list[Polygon]:

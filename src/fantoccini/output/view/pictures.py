@@ -46,7 +46,7 @@ def strip(
     run: Trajectory,
     path: str | os.PathLike[str],
     n: int = 7,
-    times: str | Sequence[float] = "poses",
+    times: str | Sequence[float] | None = None,
     view: str | tuple[float, float] = "auto",
     focus: str | None = None,
     theme: str | Theme = "light",
@@ -64,7 +64,8 @@ def strip(
         path: path that ends in ``.png``, ``.svg`` or ``.pdf``.
         n: number of poses.
         times: ``poses`` for the most different poses, ``events`` for those just after catches,
-            ``even`` for equal steps; or the times themselves [s].
+            ``even`` for equal steps; or the times themselves [s]. By default ``poses``, but
+            ``even`` in the look ``stage``, which does not show the times.
         view: preset, or (azimuth, elevation) in degrees.
         focus: ``all`` frames bodies and strings; with ``bodies`` strings may leave the picture,
             as by default in the look ``stage``.
@@ -85,6 +86,8 @@ def strip(
     """
     path = check_picture_path(path)
     options = PictureOptions.resolve(view, focus, theme, size, look)
+    if times is None:
+        times = "even" if options.look == "stage" else "poses"
     return save_figure(
         strip_figure(marionette, run, n, times, options, forces, guides), path, scale
     )
@@ -244,13 +247,13 @@ def pose_times(
 
     ``poses`` begins with the first and last time and repeatedly adds the time whose pose differs
     most from all poses so far; the difference includes the distance in time. Neighbours are at most
-    :data:`MAX_GAP` even steps apart.
+    :data:`MAX_POSE_GAP` even steps apart.
 
     Args:
         marionette: the puppet.
         run: its motion.
         n: number of times.
-        selection: ``poses``, ``events``, ``even_times``, or the times themselves.
+        selection: ``poses``, ``events``, ``even``, or the times themselves.
     """
     start, stop = float(run.t[0]), float(run.t[-1])
     if not isinstance(selection, str):

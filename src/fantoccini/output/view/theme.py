@@ -61,6 +61,7 @@ class Theme:
         tension_map: matplotlib's colour map for tension, and the part of it in use.
         line_colours: colours of lines in plots, also distinct for colour-blind readers.
         force: colour of arrows of forces, different from all tension colours.
+        guide: colour of guides, different from all tension colours and from usual costumes.
         thread: colour of strings without a colour of their own, or None for colours by tension.
     """
 
@@ -79,6 +80,7 @@ class Theme:
     tension_map: tuple[str, float, float]
     line_colours: tuple[str, ...]
     force: np.ndarray = field(default_factory=lambda: rgb("#00855a"))
+    guide: np.ndarray = field(default_factory=lambda: rgb("#00b7eb"))
     thread: np.ndarray | None = None
 
     def colour(self, k: int) -> str:

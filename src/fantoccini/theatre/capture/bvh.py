@@ -22,9 +22,9 @@ import numpy as np
 
 from fantoccini.base import Array, FileError, Mistake, decoded, lines_of
 from fantoccini.base.documents import shown
+from fantoccini.theatre.capture.clip_files import clip_path
 from fantoccini.theatre.capture.skeleton import Capture, Skeleton
 
-_CLIPS_FOLDER = Path(__file__).parent / "clips"
 _AXIS_INDICES = {"x": 0, "y": 1, "z": 2}
 _CHANNEL_KINDS = {
     f"{axis}{kind}": (kind, k)
@@ -76,10 +76,8 @@ def load_bvh(path: str | os.PathLike[str]) -> Capture:
     Raises:
         FileError: the file has a mistake; only the first one is reported, with its line.
     """
-    path = Path(path)
+    path = clip_path(path)
     try:
-        if os.fspath(path) in clip_names() and not path.exists():
-            path = bundled_clip_path(str(path))
         if path.stat().st_size > _MAX_BYTES:
             _fail(path, None, f"has more than {_MAX_BYTES / 1e6:.0f} MB")
         text = decoded(path.read_bytes())
@@ -96,16 +94,6 @@ def load_bvh(path: str | os.PathLike[str]) -> Capture:
         text = f"found a frame time of {frame_time:g} s; needed: at least {_MIN_FRAME_TIME:g} s"
         _fail(path, header_line, text)
     return _capture(path, joints, channels, frame_time, tuple(words.notes))
-
-
-def clip_names() -> tuple[str, ...]:
-    """Names of the bundled clips, from the CMU database; see ``capture/clips/NOTICE``."""
-    return tuple(sorted(p.stem for p in _CLIPS_FOLDER.glob("*.bvh")))
-
-
-def bundled_clip_path(name: str) -> Path:
-    """Path of a bundled clip."""
-    return _CLIPS_FOLDER / f"{name}.bvh"
 
 
 class _WordReader:

@@ -9,7 +9,7 @@ place on the stage with a heading. A leash is a slack string between two players
 from fantoccini.theatre.plays.compiling import load_play
 from fantoccini.theatre.plays.owner_clearances import OwnerClearance, clearances
 from fantoccini.theatre.plays.play import CueOfPlay, Play
-from fantoccini.theatre.plays.reading import check_play, play_names
+from fantoccini.theatre.plays.reading import check_play, play_names, play_path
 from fantoccini.theatre.plays.shots import Shot
 from fantoccini.theatre.plays.stage_plan import StagePlan, make_stage_plan
 from fantoccini.theatre.plays.stage_run import combine_runs
@@ -31,5 +31,6 @@ __all__ = [
     "load_play",
     "make_stage_plan",
     "play_names",
+    "play_path",
     "verify_play",
 ]

@@ -22,7 +22,7 @@ from fantoccini.theatre.plays.lateness_rules import advance_hands, mark_lateness
 from fantoccini.theatre.plays.leashes import refuse_stretched, stretches_in
 from fantoccini.theatre.plays.placing import IN_TIME, Placement
 from fantoccini.theatre.plays.play import CueOfPlay, Play
-from fantoccini.theatre.plays.reading import read_play
+from fantoccini.theatre.plays.reading import play_path, read_play
 from fantoccini.theatre.plays.rounds import (
     CompileContext,
     Results,
@@ -93,6 +93,7 @@ def load_play(
     """
     deadline = math.inf if within is None else time.monotonic() + within
     report = progress or (lambda progress: None)
+    path = play_path(path)
     report(Progress("casting", 0.0, 1.0))
     cache = before.cache if before is not None else ResultCache()
     if on_disk is not None:

@@ -57,22 +57,31 @@ class Script:
     log: ScriptLog
 
 
+def play_path(path: str | os.PathLike[str]) -> Path:
+    """Path of a play: an existing path, or that of a bundled play with this name.
+
+    Raises:
+        FileError: there is no such file or name.
+    """
+    name = os.fspath(path)
+    if os.path.exists(name):
+        return Path(name)
+    if name not in play_names():
+        text = "found nothing here, and no bundled play of this name"
+        raise FileError([Mistake(name, None, "", text + did_you_mean(name, play_names()))])
+    return _REPERTORY / f"{name}.yaml"
+
+
 def read_play(path: str | os.PathLike[str], cache: ResultCache) -> Script:
     """Script of a play file.
 
     Args:
-        path: path of the file, or the name of a bundled play.
+        path: path of the file.
         cache: results of earlier versions of the play.
 
     Raises:
         FileError: the file has mistakes; all of them are listed, with their lines.
     """
-    name = os.fspath(path)
-    if not os.path.exists(name):
-        if name not in play_names():
-            text = "found nothing here, and no bundled play of this name"
-            raise FileError([Mistake(name, None, "", text + did_you_mean(name, play_names()))])
-        path = _REPERTORY / f"{name}.yaml"
     file, log = read_script(PlayFile, path)
     places = Places(file, log)
     _check_names(file, places, log)
@@ -132,12 +141,12 @@ def check_play(path: str | os.PathLike[str]) -> PlayFile:
     a cue is left out and reported.
 
     Args:
-        path: path of the file.
+        path: path of the file, or the name of a bundled play.
 
     Raises:
         FileError: the file has mistakes; all of them are listed, with their lines.
     """
-    script = read_play(path, ResultCache())
+    script = read_play(play_path(path), ResultCache())
     _check_abilities(script)
     script.log.mistakes.raise_if_any()
     return script.cast.file

@@ -5,7 +5,7 @@ a figure which body of the puppet, is which part. A hanging pose is the pose at 
 driven coordinates q_K, the ends and lengths of strings.
 """
 
-from fantoccini.theatre.retarget.deviations import PartError, PartLoss
+from fantoccini.theatre.retarget.deviations import LimbBend, PartError, PartLoss
 from fantoccini.theatre.retarget.drafting import draft_mapping
 from fantoccini.theatre.retarget.figure import Figure, figure_of
 from fantoccini.theatre.retarget.following import (
@@ -55,6 +55,7 @@ __all__ = [
     "Figure",
     "FollowResult",
     "FollowStatus",
+    "LimbBend",
     "MappingFile",
     "PartError",
     "PartLoss",

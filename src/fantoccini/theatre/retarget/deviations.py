@@ -1,4 +1,4 @@
-"""Distances of a run from its clip by groups of parts, and times in which a part is far off.
+"""Deviations of a run from its clip: distances, bending of limbs, times in which a part is lost.
 
 A clip is a captured motion. A part is lost while it is much farther from the clip than in the
 hanging pose, the pose at rest for the same position of the hands. In names, D stands for dynamic
@@ -15,6 +15,7 @@ import numpy as np
 
 from fantoccini.base import Array, Times
 from fantoccini.motion import Trajectory
+from fantoccini.theatre.retarget.mapping import SIDES
 from fantoccini.theatre.retarget.retargeting import PART_WEIGHTS, RetargetedClip, part_positions
 
 PART_GROUPS = {
@@ -24,6 +25,8 @@ PART_GROUPS = {
     "trunk": ("trunk", "shoulder_left", "shoulder_right"),
 }
 """Parts whose errors are reported together."""
+_BENDS = {"elbows": ("shoulder", "elbow", "hand"), "knees": ("hip", "knee", "foot")}
+"""Joint of both limbs -> ends of its limb, with the joint between them."""
 MIN_LOSS_TIME = 0.3
 """Duration of the shortest loss that counts: one swing of a hand [s]."""
 MAX_LOST_SHARE = 0.25
@@ -74,6 +77,51 @@ def group_errors(retargeted: RetargetedClip, errors: Mapping[str, Array]) -> tup
         excess = (run_error - pose_error) / retargeted.figure.height
         groups.append(PartError(name, pose_error, run_error, float(run_errors.max()), excess))
     return tuple(groups)
+
+
+@dataclass(frozen=True)
+class LimbBend:
+    """Bending of both arms or both legs, at elbows or knees [rad].
+
+    Attributes:
+        name: name of the joints.
+        clip, run: larger range of the two joints' angles, in the clip and in the run.
+        error: difference of the angles, root mean square.
+    """
+
+    name: str
+    clip: float
+    run: float
+    error: float
+
+
+def limb_bends(
+    targets: Mapping[str, Array], positions: Mapping[str, Array]
+) -> tuple[LimbBend, ...]:
+    """Bending of elbows and knees.
+
+    Args:
+        targets: part -> (T, 3) position in the clip [m].
+        positions: part -> (T, 3) position in the run [m].
+    """
+    bends = []
+    for name, parts in _BENDS.items():
+        clip, run = (
+            np.stack([_bend(paths, parts, side) for side in SIDES])
+            for paths in (targets, positions)
+        )
+        clip_range, run_range = (float(np.max(np.ptp(angles, axis=1))) for angles in (clip, run))
+        error = float(np.sqrt(np.mean((run - clip) ** 2)))
+        bends.append(LimbBend(name, clip_range, run_range, error))
+    return tuple(bends)
+
+
+def _bend(positions: Mapping[str, Array], parts: tuple[str, ...], side: str) -> Array:
+    """(T,) angle between the two halves of a limb [rad]; 0 if it is straight."""
+    corners = np.stack([positions[f"{part}_{side}"] for part in parts])
+    upper, lower = np.diff(corners, axis=0)
+    sine = np.linalg.norm(np.cross(upper, lower), axis=1)
+    return np.arctan2(sine, np.sum(upper * lower, axis=1))
 
 
 @dataclass(frozen=True)

@@ -41,10 +41,12 @@ from fantoccini.motion import Input, State, Trajectory
 from fantoccini.theatre.capture import Capture
 from fantoccini.theatre.retarget.deviations import (
     MAX_LOST_SHARE,
+    LimbBend,
     PartError,
     PartLoss,
     find_losses,
     group_errors,
+    limb_bends,
     lost_share,
     part_errors,
     run_positions,
@@ -157,8 +159,10 @@ class FollowResult:
 
     def __repr__(self) -> str:
         clip = self.retargeted.clip
-        excess = ", ".join(f"{part.name} {100 * part.excess:.1f} %" for part in self.report)
-        return f"<FollowResult {clip.name!r}: {self.status.name}, excess {excess} of the height>"
+        return (
+            f"<FollowResult {clip.name!r}: {self.status.name}, {100 * self.error:.1f} % of the "
+            f"height from the clip, {100 * self.pose_error:.1f} % in hanging poses>"
+        )
 
     @property
     def inputs(self) -> Input:
@@ -195,6 +199,11 @@ class FollowResult:
     def report(self) -> tuple[PartError, ...]:
         """Errors of hands, head, feet and trunk."""
         return group_errors(self.retargeted, self.errors)
+
+    @cached_property
+    def bends(self) -> tuple[LimbBend, ...]:
+        """Bending of elbows and knees in the clip and in the run."""
+        return limb_bends(self.retargeted.targets.parts, self.positions)
 
 
 def follow_clip(
