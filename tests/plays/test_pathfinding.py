@@ -154,6 +154,28 @@ def test_a_puppet_waits_for_another():
     assert waiting_walk.end > plan_or_reason(WEST, EAST, blocked=GATE_WALLS).end
 
 
+@pytest.mark.parametrize("latest_begin", [0.0, 30.0])
+def test_a_puppet_pauses_before_and_after_each_straight_part(latest_begin):
+    """As on the floor, to which it is lowered; the pauses are no wait for the others."""
+    before, after = 3, 2
+    other = straight_walker("pierrot", (-0.4, -0.9), (-0.4, 0.9), 5.0, 12.0)
+    walk = plan_or_reason(
+        WEST,
+        EAST,
+        blocked=[TABLE],
+        others=[other],
+        pauses=(before, after),
+        latest_begin=latest_begin,
+    )
+    check_walk(walk, EAST, [TABLE], [other])
+    assert len(walk.straight_parts) > 1
+    for first, n in walk.straight_parts:
+        pauses = *walk.steps[first - before : first], *walk.steps[first + n : first + n + after]
+        assert len(pauses) == before + after and all(step.stands for step in pauses)
+    if latest_begin:
+        assert not walk.steps[0].stands or walk.straight_parts[0][0] == before
+
+
 def test_a_walk_begins_later_only_if_allowed():
     start, goal = Footing(-0.25, 0.0), Footing(0.25, 0.0)
     leaving_player = straight_walker("columbine", (0.25, 0.0), (1.25, 0.0), 4.0, 8.0)

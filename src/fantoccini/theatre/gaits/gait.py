@@ -37,6 +37,9 @@ from fantoccini.theatre.gestures import (
 
 PREPARATION_STEPS, CLOSING_STEPS = 2.5, 1.0  # steps
 """Time in which the puppet is lowered onto its feet, and time in which the last legs close up."""
+HANGING_PREPARATION_STEPS, RAISING_STEPS = 3, 2  # steps
+"""Time in which a puppet that hangs at both ends is lowered, and time in which it is raised; whole
+numbers, so that its path over the stage is planned in whole steps."""
 _LOWERING_TIME = 2.0
 """Part of the preparation in which the puppet is lowered [steps]."""
 _PIECES_PER_STEP = 24
@@ -97,6 +100,15 @@ class Gait:
             if not low <= getattr(self, name) <= high:
                 raise ValueError(f"{name} is {getattr(self, name)!r}; allowed: {low} to {high}")
 
+    @property
+    def reach(self) -> float:
+        """Largest distance between an end of a string and its place at rest relative to the body.
+
+        It is relative to the legs' length.
+        """
+        leg_reach = abs(self.leg_lead) + abs(self.overshoot) + abs(self.stride)
+        return max(abs(self.body_lead), leg_reach)
+
     def duration(self, steps: int) -> float:
         """Duration of a number of steps, with preparation and closing [s]."""
         return (PREPARATION_STEPS + steps + CLOSING_STEPS) * self.step_time
@@ -133,7 +145,12 @@ class Gait:
         return self.gesture(ends, [Step(length, turn / steps)] * steps).inputs(x0)
 
     def gesture(
-        self, ends: Ends, steps: Sequence[Step], lengths: Mapping[str, float] | None = None
+        self,
+        ends: Ends,
+        steps: Sequence[Step],
+        lengths: Mapping[str, float] | None = None,
+        *,
+        hangs_at_end: bool = False,
     ) -> Gesture:
         """Gesture of steps on the floor, with preparation and closing.
 
@@ -141,19 +158,29 @@ class Gait:
             ends: ends of the puppet's strings; its start is a rest above the floor.
             steps: steps in order.
             lengths: result of :func:`standing_lengths`, if known already.
+            hangs_at_end: whether the puppet is raised at last to where it hung at the start. Its
+                preparation and raising then last ``HANGING_PREPARATION_STEPS`` and
+                ``RAISING_STEPS``.
 
         Raises:
             StateError: see :meth:`inputs`.
         """
         if lengths is None:
             lengths = standing_lengths(ends.body_parts, ends.start)
-        return _GaitMotion(self, ends, steps, lengths).gesture()
+        return _GaitMotion(self, ends, steps, lengths, hangs_at_end).gesture()
 
 
 class _GaitMotion:
     """Motion of a gait's steps; arguments as for :meth:`Gait.gesture`."""
 
-    def __init__(self, gait: Gait, ends: Ends, steps: Sequence[Step], lengths: Mapping[str, float]):
+    def __init__(
+        self,
+        gait: Gait,
+        ends: Ends,
+        steps: Sequence[Step],
+        lengths: Mapping[str, float],
+        hangs_at_end: bool,
+    ):
         self._gait, self._ends, self._n = gait, ends, len(steps)
         body_map = ends.body_parts.body_map
         self._L, self._legs = leg_length(body_map), legs(body_map)
@@ -162,9 +189,16 @@ class _GaitMotion:
         for string in self._leg_of_string:
             ends.check_driven(string)
         self._step_path = StepPath(steps, gait.step_time)
-        n_pieces = round((PREPARATION_STEPS + self._n + CLOSING_STEPS) * _PIECES_PER_STEP)
-        self._clock: Times = np.arange(n_pieces + 1) / _PIECES_PER_STEP - PREPARATION_STEPS
-        self._lowering = self._smooth_step(-PREPARATION_STEPS, _LOWERING_TIME)
+        before = HANGING_PREPARATION_STEPS if hangs_at_end else PREPARATION_STEPS
+        closed = self._n + CLOSING_STEPS
+        end = closed + (RAISING_STEPS if hangs_at_end else 0)
+        n_pieces = round((before + end) * _PIECES_PER_STEP)
+        self._preparation = before
+        self._clock: Times = np.arange(n_pieces + 1) / _PIECES_PER_STEP - before
+        self._lowering = self._smooth_step(-before, _LOWERING_TIME)
+        if hangs_at_end:
+            raising = scale_curve(-1.0, self._smooth_step(closed, RAISING_STEPS))
+            self._lowering = _add_curves(self._lowering, raising)
         self._lengths = lengths
 
     def gesture(self) -> Gesture:
@@ -181,8 +215,8 @@ class _GaitMotion:
             let_out = (gait.lower + (gait.nod if string in self._head_strings else 0.0)) * L
             change = self._change_from_start(string, length) + let_out
             self._add_length(string, scale_curve(change, self._lowering))
-        marks = {"down": PREPARATION_STEPS * gait.step_time}
-        clock = (self._clock + PREPARATION_STEPS) * gait.step_time
+        marks = {"down": self._preparation * gait.step_time}
+        clock = (self._clock + self._preparation) * gait.step_time
         return ends.gesture(clock, "gait", marks, travels=True)
 
     @property

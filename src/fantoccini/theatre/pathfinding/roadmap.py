@@ -69,6 +69,7 @@ class Roadmap:
         obstacles: obstacles that stand on the stage.
         radius: radius of the puppet [m].
         longest_step: longest step [m].
+        pauses: steps before and after each leg in which the puppet stands.
     """
 
     points: Complex
@@ -76,6 +77,7 @@ class Roadmap:
     obstacles: Sequence[Region]
     radius: float
     longest_step: float
+    pauses: tuple[int, int]
 
     @classmethod
     def build(
@@ -87,6 +89,7 @@ class Roadmap:
         space: Rectangle,
         radius: float,
         longest_step: float,
+        pauses: tuple[int, int],
     ) -> Roadmap:
         """Roadmap of the free places among those given."""
         corners = [region.corners(radius + CORNER_MARGIN) for region in obstacles]
@@ -98,7 +101,7 @@ class Roadmap:
         for place in all_places:
             if np.min(np.abs(points - place)) > _MERGE_DISTANCE:
                 points = np.append(points, place)
-        return cls(points, heading, obstacles, radius, longest_step)
+        return cls(points, heading, obstacles, radius, longest_step, pauses)
 
     @cached_property
     def clear_legs(self) -> list[Mask]:
@@ -121,9 +124,9 @@ class Roadmap:
 
     @cached_property
     def steps(self) -> Array:
-        """(P, P) steps of legs; infinite where an obstacle blocks them."""
+        """(P, P) steps of legs, with their pauses; infinite where an obstacle blocks them."""
         size = np.abs(self._legs)
-        n_steps = np.maximum(np.ceil(size / self.longest_step - 1e-9), 1.0)
+        n_steps = np.maximum(np.ceil(size / self.longest_step - 1e-9), 1.0) + sum(self.pauses)
         is_clear = np.logical_and.reduce([size > CLEARANCE_TOLERANCE, *self.clear_legs])
         return np.where(is_clear, n_steps, np.inf)
 

@@ -30,7 +30,7 @@ class Leg:
         end_point: index of the point at its end.
         n_turn_steps: number of steps that turn the puppet before it.
         departure_step: index of its first step, after the turns.
-        n_steps: number of steps.
+        n_steps: number of steps, with its pauses.
     """
 
     end_point: int
