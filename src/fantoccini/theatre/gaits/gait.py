@@ -37,9 +37,11 @@ from fantoccini.theatre.gestures import (
 
 PREPARATION_STEPS, CLOSING_STEPS = 2.5, 1.0  # steps
 """Time in which the puppet is lowered onto its feet, and time in which the last legs close up."""
-HANGING_PREPARATION_STEPS, RAISING_STEPS = 3, 2  # steps
-"""Time in which a puppet that hangs at both ends is lowered, and time in which it is raised; whole
-numbers, so that its path over the stage is planned in whole steps."""
+HANGING_PREPARATION_STEPS, RAISING_STEPS = 4, 2  # steps
+"""Time in which a puppet that hangs at both ends is lowered and sets down its feet, and time in
+which it lifts them and is raised; whole numbers, as its path over the stage is planned in steps."""
+_SETTING_TIME = 1.0
+"""Time in which that puppet sets down its feet, lifts them or is raised [steps]."""
 _LOWERING_TIME = 2.0
 """Part of the preparation in which the puppet is lowered [steps]."""
 _PIECES_PER_STEP = 24
@@ -158,9 +160,10 @@ class Gait:
             ends: ends of the puppet's strings; its start is a rest above the floor.
             steps: steps in order.
             lengths: result of :func:`standing_lengths`, if known already.
-            hangs_at_end: whether the puppet is raised at last to where it hung at the start. Its
-                preparation and raising then last ``HANGING_PREPARATION_STEPS`` and
-                ``RAISING_STEPS``.
+            hangs_at_end: whether the puppet is raised at last to where it hung at the start. It is
+                then lowered and raised with lifted feet, for ``HANGING_PREPARATION_STEPS`` and
+                ``RAISING_STEPS``: feet that hang would be loaded sideways as they touch the floor,
+                and slide when they are first lifted.
 
         Raises:
             StateError: see :meth:`inputs`.
@@ -196,9 +199,14 @@ class _GaitMotion:
         self._preparation = before
         self._clock: Times = np.arange(n_pieces + 1) / _PIECES_PER_STEP - before
         self._lowering = self._smooth_step(-before, _LOWERING_TIME)
+        self._lifted_ends = scale_curve(0.0, self._lowering)
         if hangs_at_end:
-            raising = scale_curve(-1.0, self._smooth_step(closed, RAISING_STEPS))
-            self._lowering = _add_curves(self._lowering, raising)
+            set_down = self._smooth_step(_LOWERING_TIME - before, _SETTING_TIME)
+            lifted = self._smooth_step(closed, _SETTING_TIME)
+            raised = scale_curve(-1.0, self._smooth_step(closed + _SETTING_TIME, _SETTING_TIME))
+            self._lowering = _add_curves(self._lowering, raised)
+            feet_down = _add_curves(lifted, scale_curve(-1.0, set_down))
+            self._lifted_ends = _add_curves(self._lowering, feet_down)
         self._lengths = lengths
 
     def gesture(self) -> Gesture:
@@ -235,7 +243,7 @@ class _GaitMotion:
         """Moves the end of a leg's string and its length."""
         gait, ends, L = self._gait, self._ends, self._L
         zero = scale_curve(0.0, self._lowering)
-        tau, lift, lead = zero, zero, zero
+        tau, lift, lead = zero, self._lifted_ends, zero
         for begin, end, distance in self._swings(self._leg_of_string[string]):
             swing_time = end - begin
             vertical, peak = gait.vertical_share * swing_time, gait.peak_share * swing_time
