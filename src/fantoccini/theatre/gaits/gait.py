@@ -37,11 +37,11 @@ from fantoccini.theatre.gestures import (
 
 PREPARATION_STEPS, CLOSING_STEPS = 2.5, 1.0  # steps
 """Time in which the puppet is lowered onto its feet, and time in which the last legs close up."""
-HANGING_PREPARATION_STEPS, RAISING_STEPS = 4, 2  # steps
+HANGING_PREPARATION_STEPS, RAISING_STEPS = 4, 3  # steps
 """Time in which a puppet that hangs at both ends is lowered and sets down its feet, and time in
 which it lifts them and is raised; whole numbers, as its path over the stage is planned in steps."""
 _SETTING_TIME = 1.0
-"""Time in which that puppet sets down its feet, lifts them or is raised [steps]."""
+"""Time in which that puppet sets down its feet, or lifts them [steps]."""
 _LOWERING_TIME = 2.0
 """Part of the preparation in which the puppet is lowered [steps]."""
 _PIECES_PER_STEP = 24
@@ -203,8 +203,8 @@ class _GaitMotion:
         if hangs_at_end:
             set_down = self._smooth_step(_LOWERING_TIME - before, _SETTING_TIME)
             lifted = self._smooth_step(closed, _SETTING_TIME)
-            raised = scale_curve(-1.0, self._smooth_step(closed + _SETTING_TIME, _SETTING_TIME))
-            self._lowering = _add_curves(self._lowering, raised)
+            raised = self._smooth_step(closed + _SETTING_TIME, RAISING_STEPS - _SETTING_TIME)
+            self._lowering = _add_curves(self._lowering, scale_curve(-1.0, raised))
             feet_down = _add_curves(lifted, scale_curve(-1.0, set_down))
             self._lifted_ends = _add_curves(self._lowering, feet_down)
         self._lengths = lengths

@@ -21,7 +21,6 @@ from fantoccini.theatre.gaits import (
     PREPARATION_STEPS,
     RAISING_STEPS,
     Footfalls,
-    WalkStatus,
     footfalls,
 )
 from fantoccini.theatre.gestures import (
@@ -38,8 +37,6 @@ FLOOR_PAUSES = HANGING_PREPARATION_STEPS, round(CLOSING_STEPS) + RAISING_STEPS
 """Numbers of steps before and after a straight part in which the body stands."""
 _SAME_TIME = 1e-6
 """Tolerance of the times of a run [s]."""
-_FOOT_FAULTS = (WalkStatus.SLIDES, WalkStatus.HOVERS)
-"""Statuses that are faults of single feet."""
 
 
 @dataclass(frozen=True)
@@ -84,16 +81,14 @@ class FloorFeet:
             slides, shares = self.feet.slide[:, j], self.feet.stands[:, j]
             if np.max(slides) > MAX_SLIDE:
                 k = int(np.argmax(slides))
-                text = (
-                    f"slides {1e3 * slides[k]:.1f} mm; at most {1e3 * MAX_SLIDE:g} mm are allowed"
-                )
+                text = f"slides {1e3 * slides[k]:.1f} mm; allowed: {1e3 * MAX_SLIDE:g} mm"
                 yield self._fault(foot, first_time, k, text)
             if np.nanmin(shares) < MIN_STANDING_SHARE:
                 k = int(np.nanargmin(shares))
                 text = f"is on the floor for {shares[k]:.0%} of it; needed: {percent:g} %"
                 yield self._fault(foot, first_time, k, text)
-        if not self.feet and self.feet.status not in _FOOT_FAULTS:
-            yield self.part.begin, f"{self.who} does not walk well: {self.feet.message}"
+        if self.feet.falls:
+            yield self.part.begin, f"{self.who} falls as it walks: {self.feet.message}"
 
     def _fault(self, foot: str, first_time: float, k: int, text: str) -> tuple[float, str]:
         return first_time + k * self.step_time, f"step {k + 1} of {self.who}'s {foot}: it {text}"
@@ -182,10 +177,11 @@ def _run_of(player: Player, part: FloorPart, runs: Runs) -> Run | None:
     """Run that contains a part of a player's walk; None if it stops before."""
     pairs = walking_pairs(player.bodies)
     for run in runs.companies:
+        company = run.scene.company
+        walks_there = company.players == (player.name,) and pairs <= company.pairs
         is_inside = run.begin <= part.begin + _SAME_TIME and part.end <= run.end + _SAME_TIME
-        if is_inside and run.scene.company.players == (player.name,):
-            if pairs <= run.scene.company.pairs:
-                return run
+        if walks_there and is_inside:
+            return run
     return None
 
 
@@ -194,11 +190,10 @@ def _feet(player: Player, part: FloorPart, run: Run) -> FloorFeet:
     assert player.gait is not None
     gait = dataclasses.replace(player.gait, stride=part.step.length / player.leg_length)
     body_parts = BodyParts.for_puppet(player.marionette)
-    # Feet are measured from the shorter preparation of gaits outside of plays on.
-    spare_time = (HANGING_PREPARATION_STEPS - PREPARATION_STEPS) * gait.step_time
-    begin, end = part.begin - run.begin + spare_time, part.end - run.begin
-    trajectory = run.trajectory.between(begin, end)
+    # The preparation of gaits outside of plays is shorter, and they are not raised.
     first_step = part.begin + HANGING_PREPARATION_STEPS * gait.step_time
+    begin = first_step - run.begin - PREPARATION_STEPS * gait.step_time
+    trajectory = run.trajectory.between(begin, begin + gait.duration(part.n))
     phases, cycle = gait_phases(body_parts.body_map, gait.pattern), 2.0 * gait.step_time
     return FloorFeet(
         player.name,
