@@ -199,11 +199,14 @@ class _GaitMotion:
         self._preparation = before
         self._clock: Times = np.arange(n_pieces + 1) / _PIECES_PER_STEP - before
         self._lowering = self._smooth_step(-before, _LOWERING_TIME)
-        self._lifted_ends = scale_curve(0.0, self._lowering)
+        self._leading, self._lifted_ends = self._lowering, scale_curve(0.0, self._lowering)
         if hangs_at_end:
             set_down = self._smooth_step(_LOWERING_TIME - before, _SETTING_TIME)
             lifted = self._smooth_step(closed, _SETTING_TIME)
             raised = self._smooth_step(closed + _SETTING_TIME, RAISING_STEPS - _SETTING_TIME)
+            # Ends of strings are above their places again before the feet leave the floor.
+            upright = self._smooth_step(self._n, CLOSING_STEPS + _SETTING_TIME)
+            self._leading = _add_curves(self._lowering, scale_curve(-1.0, upright))
             self._lowering = _add_curves(self._lowering, scale_curve(-1.0, raised))
             feet_down = _add_curves(lifted, scale_curve(-1.0, set_down))
             self._lifted_ends = _add_curves(self._lowering, feet_down)
@@ -213,7 +216,7 @@ class _GaitMotion:
         """The whole motion."""
         gait, ends, L = self._gait, self._ends, self._L
         path, heading = self._step_path.at(self._clock * gait.step_time)
-        offset = _add_curves(scale_curve(-1j * gait.body_lead * L, self._lowering), self._sway())
+        offset = _add_curves(scale_curve(-1j * gait.body_lead * L, self._leading), self._sway())
         other_strings = [name for name in ends.positions if name not in self._leg_of_string]
         ends.move_rigidly(path, heading, offset, other_strings)
         for string, length in self._lengths.items():
@@ -257,7 +260,7 @@ class _GaitMotion:
             lead_bump = self._rise_and_fall(begin, begin + _OVERSHOOT_PEAK * swing_time, end)
             lead = _add_curves(lead, scale_curve(0.5 * distance, lead_bump))
         forward = _add_curves(
-            scale_curve(gait.leg_lead * L, self._lowering), scale_curve(gait.overshoot * L, lead)
+            scale_curve(gait.leg_lead * L, self._leading), scale_curve(gait.overshoot * L, lead)
         )
         path, heading = self._path_at(tau)
         ends.move_rigidly(path, heading, scale_curve(-1j, forward), [string])
