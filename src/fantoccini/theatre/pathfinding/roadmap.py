@@ -29,6 +29,9 @@ CORNER_MARGIN = 1e-4
 """Distance of turning points from obstacles, in addition to the clearance [m]."""
 CLEARANCE_TOLERANCE = 1e-9
 """Tolerance of clearances [m]."""
+_SLOW_TURN_STEPS = 3.0
+"""Additional steps of a turn above the floor before or after a walk on it: a puppet that is lowered
+must hardly swing about the vertical."""
 _MIN_TURN = 1e-10
 """Least turn that takes a step [rad]."""
 _N_SPREAD_PLACES = 48
@@ -38,14 +41,17 @@ _MERGE_DISTANCE = 0.01
 _TURN_COSINES = np.cos(MAX_STEP_TURN * np.arange(1, round(np.pi / MAX_STEP_TURN))) - 1e-9
 
 
-def turn_steps(first: Complex, second: Complex) -> Array:
-    """(...) numbers of steps to turn from first to second headings (...), complex of length 1."""
+def turn_steps(first: Complex, second: Complex, pauses: tuple[int, int]) -> Array:
+    """(...) numbers of steps to turn from first to second headings (...), complex of length 1.
+
+    They are more if there are pauses, in which the puppet is lowered to the floor and raised.
+    """
     turn = np.conj(first) * second
     cosine = turn.real
     steps = ((np.abs(turn.imag) > _MIN_TURN) | (cosine < 0.0)).astype(float)
     for limit in _TURN_COSINES:
         steps = steps + (cosine < limit)
-    return np.asarray(steps)
+    return np.asarray(steps + _SLOW_TURN_STEPS * (steps > 0.0) if any(pauses) else steps)
 
 
 def spread_places(space: Rectangle) -> Complex:
@@ -140,7 +146,7 @@ class Roadmap:
         """(P, P) V(i, j): costs from j to the goal, for a puppet that came from i."""
         n_points = len(self.points)
         to_goal = np.full((n_points, n_points), np.inf)
-        final_turn = turn_steps(self.directions[:, GOAL], np.array(self.heading))
+        final_turn = turn_steps(self.directions[:, GOAL], np.array(self.heading), self.pauses)
         final_turn = final_turn + TURN_COST * (final_turn > 0.0)
         to_goal[:, GOAL] = np.where(np.isfinite(self.steps[:, GOAL]), final_turn, np.inf)
         by_distance = np.argsort(np.abs(self._legs[GOAL]), kind="stable")
@@ -149,7 +155,9 @@ class Roadmap:
         corner_costs = [
             np.maximum(
                 turn_steps(
-                    self.directions[neighbours[j], j][:, None], self.directions[j, neighbours[j]]
+                    self.directions[neighbours[j], j][:, None],
+                    self.directions[j, neighbours[j]],
+                    self.pauses,
                 ),
                 1.0,
             )

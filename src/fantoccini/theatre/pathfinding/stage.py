@@ -198,17 +198,13 @@ class WalkProblem:
             steps += [Step(abs(end - place) / n_steps)] * n_steps + [Step()] * after
             heading += sum(step.turn for step in turn_steps_of_leg)
             place, step_index = end, leg.departure_step + leg.n_steps
-        steps += _turn_steps(heading, goal.heading, _n_turn_steps(heading, goal.heading))
+        last_turn = turn_steps(*np.exp(1j * np.array([heading, goal.heading])), self.pauses)
+        steps += _turn_steps(heading, goal.heading, int(last_turn))
         max_delay = int(np.floor((latest_begin - self.begin) / self.step_time + 1e-9))
         n_waiting = legs[0].departure_step - legs[0].n_turn_steps if legs else 0
         n_delay = min(max_delay, n_waiting)
         begin = self.begin + n_delay * self.step_time
         return Walk(self.start, begin, tuple(steps[n_delay:]), self.step_time, self.pauses)
-
-
-def _n_turn_steps(heading: float, new_heading: float) -> int:
-    """Number of steps to turn between two headings [rad]."""
-    return int(turn_steps(np.exp(1j * np.array(heading)), np.exp(1j * np.array(new_heading))))
 
 
 def _turn_steps(heading: float, new_heading: float, n: int) -> list[Step]:

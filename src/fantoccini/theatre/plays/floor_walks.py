@@ -9,9 +9,11 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import groupby
 
 import numpy as np
 
+from fantoccini.base import polynomial
 from fantoccini.theatre.cast import Actor, Cast, Meeting, Player, Walk, walking_pairs
 from fantoccini.theatre.gaits import (
     CLOSING_STEPS,
@@ -23,18 +25,13 @@ from fantoccini.theatre.gaits import (
     Footfalls,
     footfalls,
 )
-from fantoccini.theatre.gestures import (
-    BodyParts,
-    Gesture,
-    Step,
-    foot_links,
-    gait_phases,
-    step_gesture,
-)
+from fantoccini.theatre.gestures import BodyParts, Gesture, Step, foot_links, gait_phases
 from fantoccini.theatre.plays.runs import Run, Runs
 
 FLOOR_PAUSES = HANGING_PREPARATION_STEPS, round(CLOSING_STEPS) + RAISING_STEPS
 """Numbers of steps before and after a straight part in which the body stands."""
+_PIECES_PER_SECOND = 12.0
+"""Number of polynomial pieces of a second of a turn."""
 _SAME_TIME = 1e-6
 """Tolerance of the times of a run [s]."""
 
@@ -135,11 +132,30 @@ def floor_walk(player: Player, walk: Walk) -> Gesture:
         if is_on_floor:
             steps = steps[before : len(steps) - after]
             gesture = gait.gesture(player.ends(), steps, player.standing_lengths, hangs_at_end=True)
-        else:
-            gesture = step_gesture(player.ends(), steps, walk.step_time)
-        gestures.append(gesture.turned(heading))
-        heading += sum(step.turn for step in steps)
+            gestures.append(gesture.turned(heading))
+            continue
+        for step, equal_steps in groupby(steps):
+            n = len(list(equal_steps))
+            turn = _turn(player, n * step.turn, n * walk.step_time)
+            gestures.append(turn.turned(heading))
+            heading += n * step.turn
     return gestures[0].then(*gestures[1:]).called("walk")
+
+
+def _turn(player: Player, angle: float, duration: float) -> Gesture:
+    """Turn above the floor by an angle [rad], in a time [s], without steps.
+
+    Steps would swing the puppet about the vertical. Without an angle it stands.
+    """
+    if angle == 0.0:
+        return Gesture.rest(player.marionette, duration, everything=False)
+    n_pieces = max(1, round(_PIECES_PER_SECOND * duration))
+    progress, ends = np.linspace(0.0, 1.0, n_pieces + 1), player.ends()
+    value, rate, change = polynomial.minimum_jerk(progress)
+    zero = 0j * progress
+    heading = angle * value, angle * rate / duration, angle * change / duration**2
+    ends.move_rigidly((zero, zero, zero), heading)
+    return ends.gesture(duration * progress, "turn", {}, travels=True)
 
 
 def _sections(walk: Walk) -> Iterator[tuple[int, int, bool]]:
