@@ -86,6 +86,25 @@ def test_the_feet_of_a_dachshund_touch_the_floor_in_every_step_and_hardly_slide(
 
 
 @pytest.mark.slow
+def test_a_dachshund_and_a_marionette_turn_above_the_floor_and_walk_on_it(tmp_path):
+    """Swing about the vertical would make feet slide by several millimetres."""
+    for puppet, places in (("dachshund", "[[0.06, -0.08]]"), ("marionette", "[[0.1, -0.12]]")):
+        cue = f"{{who: waldi, walks to: [0.2, -0.1], past: {places}}}"
+        play = fan.load_play(write(tmp_path, cue, puppet=puppet))
+        verification = fan.theatre.verify_play(play)
+        assert play and verification, (play.changes, verification.faults)
+        assert len(verification.feet) == 2
+        for walk in verification.feet:
+            assert walk.feet.max_slide < MAX_SLIDE
+            n = len(walk.feet.slide)
+            bodies = play.cast.players["waldi"].bodies.feet
+            for foot, first_step in zip(bodies, walk.first_steps.values(), strict=True):
+                name = play.cast.scene_name(foot)
+                _, loads = slides_and_loads(verification, name, first_step, walk.step_time, n)
+                assert np.all(loads > 0.02 * play.marionette.weight), (name, loads)
+
+
+@pytest.mark.slow
 def test_it_hangs_before_and_after_a_walk_on_the_floor(stroll, verified):
     run = verified.run
     (part,) = (walk.part for walk in verified.feet)

@@ -176,6 +176,13 @@ def test_a_puppet_pauses_before_and_after_each_straight_part(latest_begin):
         assert not walk.steps[0].stands or walk.straight_parts[0][0] == before
 
 
+@pytest.mark.parametrize(("pauses", "n_steps"), [((0, 0), 4), ((3, 2), 7)])
+def test_turns_of_a_puppet_that_is_lowered_are_slower(pauses, n_steps):
+    goal = Footing(-1.0, 0.0, 0.5 * np.pi)
+    walk = check_walk(plan_or_reason(WEST, goal, pauses=pauses), goal)
+    assert len(walk.steps) == n_steps and walk.move_time == walk.begin
+
+
 def test_a_walk_begins_later_only_if_allowed():
     start, goal = Footing(-0.25, 0.0), Footing(0.25, 0.0)
     leaving_player = straight_walker("columbine", (0.25, 0.0), (1.25, 0.0), 4.0, 8.0)
