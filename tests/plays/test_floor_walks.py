@@ -20,7 +20,7 @@ PLAY = """\
 play: stroll
 tempo: 100
 cast:
-  waldi: {{puppet: {puppet}, at: [0, 0], facing: audience, walks: on the floor}}
+  dog: {{puppet: {puppet}, at: [0, 0], facing: audience, walks: on the floor}}
 acts:
   - act: One
     cues:
@@ -59,7 +59,7 @@ def slides_and_loads(
 @pytest.fixture(scope="module", name="stroll")
 def _stroll(tmp_path_factory: pytest.TempPathFactory) -> fan.theatre.Play:
     folder = tmp_path_factory.mktemp("stroll")
-    return fan.load_play(write(folder, "{who: waldi, walks to: [0.6, 0], name: out}"))
+    return fan.load_play(write(folder, "{who: dog, walks to: [0.6, 0], name: out}"))
 
 
 @pytest.fixture(scope="module", name="verified")
@@ -89,7 +89,7 @@ def test_the_feet_of_a_dachshund_touch_the_floor_in_every_step_and_hardly_slide(
 def test_a_dachshund_and_a_marionette_turn_above_the_floor_and_walk_on_it(tmp_path):
     """Swing about the vertical would make feet slide by several millimetres."""
     for puppet, places in (("dachshund", "[[0.06, -0.08]]"), ("marionette", "[[0.1, -0.12]]")):
-        cue = f"{{who: waldi, walks to: [0.2, -0.1], past: {places}}}"
+        cue = f"{{who: dog, walks to: [0.2, -0.1], past: {places}}}"
         play = fan.load_play(write(tmp_path, cue, puppet=puppet))
         verification = fan.theatre.verify_play(play)
         assert play and verification, (play.changes, verification.faults)
@@ -97,7 +97,7 @@ def test_a_dachshund_and_a_marionette_turn_above_the_floor_and_walk_on_it(tmp_pa
         for walk in verification.feet:
             assert walk.feet.max_slide < MAX_SLIDE
             n = len(walk.feet.slide)
-            bodies = play.cast.players["waldi"].bodies.feet
+            bodies = play.cast.players["dog"].bodies.feet
             for foot, first_step in zip(bodies, walk.first_steps.values(), strict=True):
                 name = play.cast.scene_name(foot)
                 _, loads = slides_and_loads(verification, name, first_step, walk.step_time, n)
@@ -122,7 +122,7 @@ def test_on_a_slippery_floor_the_verification_names_foot_step_time_and_slide(str
     verification = fan.theatre.verify_play(dataclasses.replace(stroll, cache=ResultCache()))
     assert not verification
     pattern = (
-        r"step \d+ of waldi's (front|hind) (left|right) foot: it slides [\d.]+ mm; allowed: 2 mm, "
+        r"step \d+ of dog's (front|hind) (left|right) foot: it slides [\d.]+ mm; allowed: 2 mm, "
         r"in One, beat [\d.]+ \([\d.]+ s\)"
     )
     assert any(re.fullmatch(pattern, fault) for fault in verification.faults), verification.faults
@@ -130,8 +130,8 @@ def test_on_a_slippery_floor_the_verification_names_foot_step_time_and_slide(str
 
 @pytest.mark.medium
 def test_straight_parts_of_a_walk_are_on_the_floor_and_turns_above_it(tmp_path):
-    script = read_play(write(tmp_path, "{who: waldi, turns to: left}"), ResultCache())
-    waldi = script.cast.players["waldi"]
+    script = read_play(write(tmp_path, "{who: dog, turns to: left}"), ResultCache())
+    dog = script.cast.players["dog"]
     before, after = FLOOR_PAUSES
     turn, step = Step(0.0, 0.3), Step(0.01)
     steps = (
@@ -144,7 +144,7 @@ def test_straight_parts_of_a_walk_are_on_the_floor_and_turns_above_it(tmp_path):
         *[step] * 3,
         *[Step()] * after,
     )
-    walk = Walk(Footing(0.0, 0.0), 1.0, steps, waldi.gait.step_time, FLOOR_PAUSES)
+    walk = Walk(Footing(0.0, 0.0), 1.0, steps, dog.gait.step_time, FLOOR_PAUSES)
     T = walk.step_time
     assert [(part.n, part.begin) for part in floor_parts(walk)] == [
         (4, pytest.approx(1.0 + 2.0 * T)),
@@ -152,12 +152,12 @@ def test_straight_parts_of_a_walk_are_on_the_floor_and_turns_above_it(tmp_path):
     ]
     assert walk.move_time == 1.0
     assert dataclasses.replace(walk, steps=(Step(), *steps[2:])).move_time == 1.0 + T
-    gesture = floor_walk(waldi, walk)
+    gesture = floor_walk(dog, walk)
     assert gesture.duration == pytest.approx(len(steps) * T)
-    table = waldi.marionette.coordinates
+    table = dog.marionette.coordinates
     lengths = [v for v, name in enumerate(table.v_K) if name.endswith(".length")]
     withers = [table.v_K.index(f"withers.{axis}") for axis in "xy"]
-    home = complex(*(waldi.rest_state[f"withers.{axis}"] for axis in "xy")) - waldi.middle
+    home = complex(*(dog.rest_state[f"withers.{axis}"] for axis in "xy")) - dog.middle
     for part in floor_parts(walk):
         for t in (part.begin, part.end):
             offsets, rates = gesture.offsets(t - walk.begin)
@@ -173,8 +173,8 @@ def test_straight_parts_of_a_walk_are_on_the_floor_and_turns_above_it(tmp_path):
 
 @pytest.mark.medium
 def test_a_puppet_without_a_gait_cannot_walk_on_the_floor(tmp_path):
-    path = write(tmp_path, "{who: waldi, walks to: [0.3, 0]}", puppet="heron")
+    path = write(tmp_path, "{who: dog, walks to: [0.3, 0]}", puppet="heron")
     with pytest.raises(fan.errors.FileError) as error:
         fan.load_play(path)
     message = "no gait on the floor is known for heron; needed: `above the floor`, or one of the"
-    assert message in str(error.value) and "stroll.yaml:4: cast.waldi.walks" in str(error.value)
+    assert message in str(error.value) and "stroll.yaml:4: cast.dog.walks" in str(error.value)

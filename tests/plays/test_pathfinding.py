@@ -156,7 +156,7 @@ def test_a_puppet_waits_for_another():
 
 @pytest.mark.parametrize("latest_begin", [0.0, 30.0])
 def test_a_puppet_pauses_before_and_after_each_straight_part(latest_begin):
-    """As on the floor, to which it is lowered; the pauses are no wait for the others."""
+    """Pauses are those of a walk on the floor, and do not count as a wait for others."""
     before, after = 3, 2
     other = straight_walker("pierrot", (-0.4, -0.9), (-0.4, 0.9), 5.0, 12.0)
     walk = plan_or_reason(
