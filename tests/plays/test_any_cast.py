@@ -18,7 +18,7 @@ from fantoccini.model import scene
 from fantoccini.model.puppet import bundled
 from fantoccini.motion import pieces
 from fantoccini.theatre import cast
-from fantoccini.theatre.cast import ContactBodies, Physique, prop_gestures
+from fantoccini.theatre.cast import ContactBodies, Physique, Walk, prop_gestures
 from fantoccini.theatre.gestures import BodyParts, Ends, Step, step_gesture
 from fantoccini.theatre.plays import putting
 from fantoccini.theatre.plays.reading import read_play
@@ -311,7 +311,9 @@ def test_a_puppet_whose_file_looks_along_y_faces_walks_and_holds_like_one_along_
         links = she.marionette.poses(state.q_D[None], state.q_K[None])[0]
         poses.append({link.name: links[k] for k, link in enumerate(tree.links)})
         props.append(script.cast.props["ball"])
-        steps = she.turned(script.gestures.walk(she, (Step(0.06), Step(0.06, 0.3)), 0.7), 0.4)
+        steps = she.turned(
+            script.gestures.walk(she, Walk(she.start, 0.0, (Step(0.06), Step(0.06, 0.3)), 0.7)), 0.4
+        )
         walks.append(offsets_at(steps, 1.0))
         aims.append(
             she.in_own_frame(np.array([0.5, -0.2, 0.3]), she.start)[:2]

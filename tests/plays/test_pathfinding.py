@@ -154,6 +154,35 @@ def test_a_puppet_waits_for_another():
     assert waiting_walk.end > plan_or_reason(WEST, EAST, blocked=GATE_WALLS).end
 
 
+@pytest.mark.parametrize("latest_begin", [0.0, 30.0])
+def test_a_puppet_pauses_before_and_after_each_straight_part(latest_begin):
+    """Pauses are those of a walk on the floor, and do not count as a wait for others."""
+    before, after = 3, 2
+    other = straight_walker("pierrot", (-0.4, -0.9), (-0.4, 0.9), 5.0, 12.0)
+    walk = plan_or_reason(
+        WEST,
+        EAST,
+        blocked=[TABLE],
+        others=[other],
+        pauses=(before, after),
+        latest_begin=latest_begin,
+    )
+    check_walk(walk, EAST, [TABLE], [other])
+    assert len(walk.straight_parts) > 1
+    for first, n in walk.straight_parts:
+        pauses = *walk.steps[first - before : first], *walk.steps[first + n : first + n + after]
+        assert len(pauses) == before + after and all(step.stands for step in pauses)
+    if latest_begin:
+        assert not walk.steps[0].stands or walk.straight_parts[0][0] == before
+
+
+@pytest.mark.parametrize(("pauses", "n_steps"), [((0, 0), 4), ((3, 2), 7)])
+def test_turns_of_a_puppet_that_is_lowered_are_slower(pauses, n_steps):
+    goal = Footing(-1.0, 0.0, 0.5 * np.pi)
+    walk = check_walk(plan_or_reason(WEST, goal, pauses=pauses), goal)
+    assert len(walk.steps) == n_steps and walk.move_time == walk.begin
+
+
 def test_a_walk_begins_later_only_if_allowed():
     start, goal = Footing(-0.25, 0.0), Footing(0.25, 0.0)
     leaving_player = straight_walker("columbine", (0.25, 0.0), (1.25, 0.0), 4.0, 8.0)

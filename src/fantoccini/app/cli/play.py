@@ -166,6 +166,9 @@ def _print_summary(verification: Verification, compiling: float, verifying: floa
     n_faults = len(verification.faults)
     verdict = _count_text(n_faults, "fault") if n_faults else "the run meets every requirement"
     print_output(f"{play.counts}; {worst_text}; {verdict}")
+    if verification.feet:
+        slide = max(walk.feet.max_slide for walk in verification.feet)
+        print_output(f"feet on the floor slide by at most {1e3 * slide:.1f} mm in a step")
     for reason in dict.fromkeys(verification.stepping_reasons):
         print_output(f"time steps of 0.25 ms were taken during contacts: {reason}")
 

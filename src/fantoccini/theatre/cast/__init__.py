@@ -29,6 +29,7 @@ from fantoccini.theatre.cast.contacts import (
     hanging_pair,
     sitting_pairs,
     standing_pairs,
+    walking_pairs,
 )
 from fantoccini.theatre.cast.cues import act_time_in_words, lane_name, play_timeline, shot_time_keys
 from fantoccini.theatre.cast.extents import bounding_box
@@ -117,5 +118,6 @@ __all__ = [
     "side_sign",
     "sitting_pairs",
     "standing_pairs",
+    "walking_pairs",
     "with_settled_props",
 ]

@@ -28,6 +28,7 @@ from fantoccini.theatre.cast.leashes import check_leashes, read_leashes
 from fantoccini.theatre.cast.players import Player, moved_to_footing, values_by_name
 from fantoccini.theatre.cast.props import PlayProp, PropState, read_props
 from fantoccini.theatre.cast.starts import Places, start_of
+from fantoccini.theatre.gaits import BUNDLED_GAITS, Gait
 from fantoccini.theatre.gestures import BodyParts
 from fantoccini.theatre.script import (
     DIRECTIONS,
@@ -136,7 +137,8 @@ def read_cast(file: PlayFile, places: Places, log: ScriptLog) -> Cast:
             log.mistakes.add(("cast", name, "puppet"), text)
             continue
         x0 = moved_to_footing(marionette, rest_state, start_footings[name])
-        players[name] = Player(name, marionette, rest_state, x0, start_footings[name])
+        gait = _gait(spec, ("cast", name, "walks"), log)
+        players[name] = Player(name, marionette, rest_state, x0, start_footings[name], gait)
         # Only the stage has costumes, so that a file's own scene is compiled once.
         costumed = in_costume(puppet, spec.colours, ("cast", name, "colours"), log)
         members.append(Member(name=name, puppet=costumed, pose=pose))
@@ -261,6 +263,20 @@ def _puppet(spec: PlayerFile, spot: Spot, log: ScriptLog) -> Puppet | None:
         log.mistakes.add((*spot, "puppet"), f"{spec.puppet} is a scene; needed: one puppet")
         return None
     return puppet
+
+
+def _gait(spec: PlayerFile, spot: Spot, log: ScriptLog) -> Gait | None:
+    """Gait of a player that walks on the floor; None for others, and after a mistake."""
+    if spec.walks == "above the floor":
+        return None
+    is_bundled = log.located.file_in_folder(spec.puppet) is None
+    if not is_bundled or spec.puppet not in BUNDLED_GAITS:
+        text = (
+            f"no gait on the floor is known for {spec.puppet}; needed: `above the floor`, or one "
+        )
+        log.mistakes.add(spot, text + f"of the bundled puppets {', '.join(BUNDLED_GAITS)}")
+        return None
+    return BUNDLED_GAITS[spec.puppet]
 
 
 def _in_own_scene(

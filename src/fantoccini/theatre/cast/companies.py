@@ -43,7 +43,7 @@ class Meeting:
         players, props: members.
         pairs: pairs that may touch.
         kind: whether a prop ``hangs`` on a forearm, is ``given``, ``put`` or ``picked`` up, or
-            somebody ``sits``.
+            somebody ``sits``, or ``walks`` on the floor.
         cue: keys of the cue that begins it; None for one that exists at the start.
         bearing_interval: times between which a seat carries the sitter [s].
     """
@@ -73,7 +73,7 @@ class Company:
 
     @property
     def has_resting_contact(self) -> bool:
-        """Whether somebody sits, or a prop stands on something other than the floor."""
+        """Whether somebody sits or walks on the floor, or a prop stands on something else."""
         props = {*self.props}
         on_forearm = [
             bool(pair & props) and any("." in name for name in pair) for pair in self.pairs

@@ -1,4 +1,4 @@
-"""Pairs that may touch in a play: forearms and props that hang on them, seats and sitters.
+"""Pairs that may touch in a play: forearms and their props, seats and sitters, feet and floor.
 
 A pair is the names of two bodies, or of a body and an obstacle. All other pairs must stay apart.
 """
@@ -35,7 +35,7 @@ class ContactBodies:
         player: name of the player.
         forearms: side -> body on which a prop hangs.
         seated: bodies that touch a seat: thighs, trunk and head.
-        feet: bodies that touch the floor and the seat's legs while sitting.
+        feet: bodies that touch the floor while walking, and the floor and the seat while sitting.
     """
 
     player: str
@@ -75,10 +75,15 @@ def standing_pairs(prop: str, on: str) -> frozenset[Pair]:
     return frozenset(frozenset((prop, surface)) for surface in (on, FLOOR))
 
 
+def walking_pairs(bodies: ContactBodies) -> frozenset[Pair]:
+    """Pairs of a player that walks on the floor: its feet with the floor."""
+    return frozenset(frozenset((foot, FLOOR)) for foot in bodies.feet)
+
+
 def sitting_pairs(bodies: ContactBodies, seat: str) -> frozenset[Pair]:
     """Pairs of a player that sits: its bodies with the seat, its feet with the floor."""
     on_seat = {frozenset((body, seat)) for body in (*bodies.seated, *bodies.feet)}
-    return frozenset(on_seat | {frozenset((foot, FLOOR)) for foot in bodies.feet})
+    return frozenset(on_seat) | walking_pairs(bodies)
 
 
 def allowed_pairs(file: PlayFile, cast: Mapping[str, ContactBodies]) -> frozenset[Pair]:
@@ -93,6 +98,9 @@ def allowed_pairs(file: PlayFile, cast: Mapping[str, ContactBodies]) -> frozense
         pairs |= standing_pairs(prop, prop_file.on or FLOOR)
         if prop_file.held_by is not None:
             pairs.add(hanging_pair(cast[prop_file.held_by], prop_file.side, prop))
+    for who, bodies in cast.items():
+        if file.cast[who].walks == "on the floor":
+            pairs |= walking_pairs(bodies)
     for act in file.acts:
         for cue in act.cues:
             pairs |= cue_pairs(cue, cast)

@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from enum import Enum
 from functools import cached_property
+from itertools import groupby, takewhile
 
 import numpy as np
 
@@ -57,17 +58,38 @@ class Walk:
         begin: time of the first step [s].
         steps: steps in order; empty if the puppet is at the goal already.
         step_time: duration of a step [s].
+        pauses: numbers of steps that stand before and after each straight part, in which the puppet
+            is lowered to the floor and raised; 0 if it walks above the floor.
     """
 
     start: Footing
     begin: float
     steps: tuple[Step, ...]
     step_time: float
+    pauses: tuple[int, int] = (0, 0)
 
     @property
     def end(self) -> float:
         """Time of arrival [s]."""
         return self.begin + len(self.steps) * self.step_time
+
+    @property
+    def move_time(self) -> float:
+        """Time at which it first turns, steps or is lowered to the floor [s]."""
+        n = len(list(takewhile(lambda step: step.stands, self.steps)))
+        is_straight = n < len(self.steps) and self.steps[n].length != 0.0
+        return self.begin + (n - is_straight * self.pauses[0]) * self.step_time
+
+    @property
+    def straight_parts(self) -> list[tuple[int, int]]:
+        """Index of the first step and number of steps, of each straight part."""
+        parts, first = [], 0
+        for step, equal_steps in groupby(self.steps):
+            n = len(list(equal_steps))
+            if step.length != 0.0:
+                parts.append((first, n))
+            first += n
+        return parts
 
     @property
     def length(self) -> float:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -19,7 +20,8 @@ from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import State
 from fantoccini.theatre.cast.contacts import ContactBodies
 from fantoccini.theatre.cast.footing import Footing
-from fantoccini.theatre.gestures import BodyParts, Ends, Gesture, leg_ratio
+from fantoccini.theatre.gaits import Gait, standing_lengths
+from fantoccini.theatre.gestures import BodyParts, Ends, Gesture, leg_length, leg_ratio
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,6 +34,7 @@ class Player:
         rest_state: rest at the origin with the heading of its file; gestures begin there.
         x0: state at the start of the play.
         start: footing at the start of the play.
+        gait: gait of its straight walks on the floor; None if it walks above the floor.
     """
 
     name: str
@@ -39,6 +42,7 @@ class Player:
     rest_state: State
     x0: State
     start: Footing
+    gait: Gait | None = None
 
     @cached_property
     def content_hash(self) -> str:
@@ -74,6 +78,24 @@ class Player:
             return leg_ratio(BodyParts.for_puppet(self.marionette)) or 1.0
         except StateError:
             return 1.0
+
+    @cached_property
+    def leg_length(self) -> float:
+        """Mean length of its legs [m]; 0 without legs.
+
+        Raises:
+            StateError: it has no body map.
+        """
+        return leg_length(BodyParts.for_puppet(self.marionette).body_map)
+
+    @cached_property
+    def standing_lengths(self) -> Mapping[str, float]:
+        """String -> length at which its soles just reach the floor [m].
+
+        Raises:
+            StateError: see :func:`fantoccini.theatre.gaits.standing_lengths`.
+        """
+        return standing_lengths(BodyParts.for_puppet(self.marionette), self.rest_state)
 
     @cached_property
     def height(self) -> float:

@@ -41,6 +41,11 @@ from fantoccini.theatre.gestures import (
 
 PREPARATION_STEPS, CLOSING_STEPS = 2.5, 1.0  # steps
 """Time in which the puppet is lowered onto its feet, and time in which the last legs close up."""
+HANGING_PREPARATION_STEPS, RAISING_STEPS = 4, 3  # steps
+"""Time in which a puppet that hangs at both ends is lowered and sets down its feet, and time in
+which it lifts them and is raised; whole numbers, as its path over the stage is planned in steps."""
+_SETTING_TIME = 1.0
+"""Time in which that puppet sets down its feet, or lifts them [steps]."""
 _LOWERING_TIME = 2.0
 """Part of the preparation in which the puppet is lowered [steps]."""
 _PIECES_PER_STEP = 24
@@ -101,6 +106,15 @@ class Gait:
             if not low <= getattr(self, name) <= high:
                 raise ValueError(f"{name} is {getattr(self, name)!r}; allowed: {low} to {high}")
 
+    @property
+    def reach(self) -> float:
+        """Largest distance between an end of a string and its place at rest relative to the body.
+
+        It is relative to the legs' length.
+        """
+        leg_reach = abs(self.leg_lead) + abs(self.overshoot) + abs(self.stride)
+        return max(abs(self.body_lead), leg_reach)
+
     def duration(self, steps: int) -> float:
         """Duration of a number of steps, with preparation and closing [s]."""
         return (PREPARATION_STEPS + steps + CLOSING_STEPS) * self.step_time
@@ -137,7 +151,12 @@ class Gait:
         return self.gesture(ends, [Step(length, turn / steps)] * steps).inputs(x0)
 
     def gesture(
-        self, ends: Ends, steps: Sequence[Step], lengths: Mapping[str, float] | None = None
+        self,
+        ends: Ends,
+        steps: Sequence[Step],
+        lengths: Mapping[str, float] | None = None,
+        *,
+        hangs_at_end: bool = False,
     ) -> Gesture:
         """Gesture of steps on the floor, with preparation and closing.
 
@@ -145,19 +164,30 @@ class Gait:
             ends: ends of the puppet's strings; its start is a rest above the floor.
             steps: steps in order.
             lengths: result of :func:`standing_lengths`, if known already.
+            hangs_at_end: whether the puppet is raised at last to where it hung at the start. It is
+                then lowered and raised with lifted feet, for ``HANGING_PREPARATION_STEPS`` and
+                ``RAISING_STEPS``: feet that hang would be loaded sideways as they touch the floor,
+                and slide when they are first lifted.
 
         Raises:
             StateError: see :meth:`inputs`.
         """
         if lengths is None:
             lengths = standing_lengths(ends.body_parts, ends.start)
-        return _GaitMotion(self, ends, steps, lengths).gesture()
+        return _GaitMotion(self, ends, steps, lengths, hangs_at_end).gesture()
 
 
 class _GaitMotion:
     """Motion of a gait's steps; arguments as for :meth:`Gait.gesture`."""
 
-    def __init__(self, gait: Gait, ends: Ends, steps: Sequence[Step], lengths: Mapping[str, float]):
+    def __init__(
+        self,
+        gait: Gait,
+        ends: Ends,
+        steps: Sequence[Step],
+        lengths: Mapping[str, float],
+        hangs_at_end: bool,
+    ):
         self._gait, self._ends, self._n = gait, ends, len(steps)
         body_map = ends.body_parts.body_map
         self._L, self._legs = leg_length(body_map), legs(body_map)
@@ -166,16 +196,31 @@ class _GaitMotion:
         for string in self._leg_of_string:
             ends.check_driven(string)
         self._step_path = StepPath(steps, gait.step_time)
-        n_pieces = round((PREPARATION_STEPS + self._n + CLOSING_STEPS) * _PIECES_PER_STEP)
-        self._clock: Times = np.arange(n_pieces + 1) / _PIECES_PER_STEP - PREPARATION_STEPS
-        self._lowering = self._smooth_step(-PREPARATION_STEPS, _LOWERING_TIME)
+        before = HANGING_PREPARATION_STEPS if hangs_at_end else PREPARATION_STEPS
+        closed = self._n + CLOSING_STEPS
+        end = closed + (RAISING_STEPS if hangs_at_end else 0)
+        n_pieces = round((before + end) * _PIECES_PER_STEP)
+        self._preparation = before
+        self._clock: Times = np.arange(n_pieces + 1) / _PIECES_PER_STEP - before
+        self._lowering = self._smooth_step(-before, _LOWERING_TIME)
+        self._leading, self._lifted_ends = self._lowering, scale_curve(0.0, self._lowering)
+        if hangs_at_end:
+            set_down = self._smooth_step(_LOWERING_TIME - before, _SETTING_TIME)
+            lifted = self._smooth_step(closed, _SETTING_TIME)
+            raised = self._smooth_step(closed + _SETTING_TIME, RAISING_STEPS - _SETTING_TIME)
+            # Ends of strings are above their places again before the feet leave the floor.
+            upright = self._smooth_step(self._n, CLOSING_STEPS + _SETTING_TIME)
+            self._leading = _add_curves(self._lowering, scale_curve(-1.0, upright))
+            self._lowering = _add_curves(self._lowering, scale_curve(-1.0, raised))
+            feet_down = _add_curves(lifted, scale_curve(-1.0, set_down))
+            self._lifted_ends = _add_curves(self._lowering, feet_down)
         self._lengths = lengths
 
     def gesture(self) -> Gesture:
         """The whole motion."""
         gait, ends, L = self._gait, self._ends, self._L
         path, heading = self._step_path.at(self._clock * gait.step_time)
-        offset = _add_curves(scale_curve(-1j * gait.body_lead * L, self._lowering), self._sway())
+        offset = _add_curves(scale_curve(-1j * gait.body_lead * L, self._leading), self._sway())
         other_strings = [name for name in ends.positions if name not in self._leg_of_string]
         ends.move_rigidly(path, heading, offset, other_strings)
         for string, length in self._lengths.items():
@@ -185,8 +230,8 @@ class _GaitMotion:
             let_out = (gait.lower + (gait.nod if string in self._head_strings else 0.0)) * L
             change = self._change_from_start(string, length) + let_out
             self._add_length(string, scale_curve(change, self._lowering))
-        marks = {"down": PREPARATION_STEPS * gait.step_time}
-        clock = (self._clock + PREPARATION_STEPS) * gait.step_time
+        marks = {"down": self._preparation * gait.step_time}
+        clock = (self._clock + self._preparation) * gait.step_time
         return ends.gesture(clock, "gait", marks, travels=True)
 
     @property
@@ -205,7 +250,7 @@ class _GaitMotion:
         """Moves the end of a leg's string and its length."""
         gait, ends, L = self._gait, self._ends, self._L
         zero = scale_curve(0.0, self._lowering)
-        tau, lift, lead = zero, zero, zero
+        tau, lift, lead = zero, self._lifted_ends, zero
         for begin, end, distance in self._swings(self._leg_of_string[string]):
             swing_time = end - begin
             vertical, peak = gait.vertical_share * swing_time, gait.peak_share * swing_time
@@ -219,7 +264,7 @@ class _GaitMotion:
             lead_bump = self._rise_and_fall(begin, begin + _OVERSHOOT_PEAK * swing_time, end)
             lead = _add_curves(lead, scale_curve(0.5 * distance, lead_bump))
         forward = _add_curves(
-            scale_curve(gait.leg_lead * L, self._lowering), scale_curve(gait.overshoot * L, lead)
+            scale_curve(gait.leg_lead * L, self._leading), scale_curve(gait.overshoot * L, lead)
         )
         path, heading = self._path_at(tau)
         ends.move_rigidly(path, heading, scale_curve(-1j, forward), [string])

@@ -44,6 +44,7 @@ def plan_walk(
     others: Sequence[OtherPlayer] = (),
     space: Rectangle | None = None,
     latest_begin: float | None = None,
+    pauses: tuple[int, int] = (0, 0),
 ) -> Walk | NoPath:
     """Walk with the earliest arrival; among those the shortest, then the one with the fewest turns.
 
@@ -62,6 +63,7 @@ def plan_walk(
         space: bounds of the puppet's middle; none by default.
         latest_begin: latest time of the first step; longer waits are steps that do not move;
             ``begin`` by default [s].
+        pauses: see :class:`Walk`.
 
     Returns:
         The walk, or the reason why no walk exists.
@@ -70,7 +72,9 @@ def plan_walk(
         ValueError: a time or a length is not greater than 0.
     """
     check_positive(step_time=step_time, longest_step=longest_step, radius=radius)
-    problem = WalkProblem(start, begin, step_time, longest_step, radius, blocked, others, space)
+    problem = WalkProblem(
+        start, begin, step_time, longest_step, radius, blocked, others, space, pauses
+    )
     failure = _start_obstruction(problem)
     if failure is not None:
         return failure

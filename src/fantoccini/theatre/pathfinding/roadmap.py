@@ -32,6 +32,9 @@ CORNER_MARGIN = 1e-4
 """Distance of turning points from obstacles, in addition to the clearance [m]."""
 CLEARANCE_TOLERANCE = 1e-9
 """Tolerance of clearances [m]."""
+_SLOW_TURN_STEPS = 3.0
+"""Additional steps of a turn above the floor before or after a walk on it: a puppet that is lowered
+must hardly swing about the vertical."""
 _MIN_TURN = 1e-10
 """Least turn that takes a step [rad]."""
 _N_SPREAD_PLACES = 48
@@ -41,14 +44,17 @@ _MERGE_DISTANCE = 0.01
 _TURN_COSINES = np.cos(MAX_STEP_TURN * np.arange(1, round(np.pi / MAX_STEP_TURN))) - 1e-9
 
 
-def turn_steps(first: Complex, second: Complex) -> Array:
-    """(...) numbers of steps to turn from first to second headings (...), complex of length 1."""
+def turn_steps(first: Complex, second: Complex, pauses: tuple[int, int]) -> Array:
+    """(...) numbers of steps to turn from first to second headings (...), complex of length 1.
+
+    They are more if there are pauses, in which the puppet is lowered to the floor and raised.
+    """
     turn = np.conj(first) * second
     cosine = turn.real
     steps = ((np.abs(turn.imag) > _MIN_TURN) | (cosine < 0.0)).astype(float)
     for limit in _TURN_COSINES:
         steps = steps + (cosine < limit)
-    return np.asarray(steps)
+    return np.asarray(steps + _SLOW_TURN_STEPS * (steps > 0.0) if any(pauses) else steps)
 
 
 def spread_places(space: Rectangle) -> Complex:
@@ -72,6 +78,7 @@ class Roadmap:
         obstacles: obstacles that stand on the stage.
         radius: radius of the puppet [m].
         longest_step: longest step [m].
+        pauses: steps before and after each leg in which the puppet stands.
     """
 
     points: Complex
@@ -79,6 +86,7 @@ class Roadmap:
     obstacles: Sequence[Region]
     radius: float
     longest_step: float
+    pauses: tuple[int, int]
 
     @classmethod
     def build(
@@ -90,6 +98,7 @@ class Roadmap:
         space: Rectangle,
         radius: float,
         longest_step: float,
+        pauses: tuple[int, int],
     ) -> Roadmap:
         """Roadmap of the free places among those given."""
         corners = [region.corners(radius + CORNER_MARGIN) for region in obstacles]
@@ -101,7 +110,7 @@ class Roadmap:
         for place in all_places:
             if np.min(np.abs(points - place)) > _MERGE_DISTANCE:
                 points = np.append(points, place)
-        return cls(points, heading, obstacles, radius, longest_step)
+        return cls(points, heading, obstacles, radius, longest_step, pauses)
 
     @cached_property
     def clear_legs(self) -> list[Mask]:
@@ -124,9 +133,9 @@ class Roadmap:
 
     @cached_property
     def steps(self) -> Array:
-        """(P, P) steps of legs; infinite where an obstacle blocks them."""
+        """(P, P) steps of legs, with their pauses; infinite where an obstacle blocks them."""
         size = np.abs(self._legs)
-        n_steps = np.maximum(np.ceil(size / self.longest_step - 1e-9), 1.0)
+        n_steps = np.maximum(np.ceil(size / self.longest_step - 1e-9), 1.0) + sum(self.pauses)
         is_clear = np.logical_and.reduce([size > CLEARANCE_TOLERANCE, *self.clear_legs])
         return np.where(is_clear, n_steps, np.inf)
 
@@ -140,7 +149,7 @@ class Roadmap:
         """(P, P) V(i, j): costs from j to the goal, for a puppet that came from i."""
         n_points = len(self.points)
         to_goal = np.full((n_points, n_points), np.inf)
-        final_turn = turn_steps(self.directions[:, GOAL], np.array(self.heading))
+        final_turn = turn_steps(self.directions[:, GOAL], np.array(self.heading), self.pauses)
         final_turn = final_turn + TURN_COST * (final_turn > 0.0)
         to_goal[:, GOAL] = np.where(np.isfinite(self.steps[:, GOAL]), final_turn, np.inf)
         by_distance = np.argsort(np.abs(self._legs[GOAL]), kind="stable")
@@ -149,7 +158,9 @@ class Roadmap:
         corner_costs = [
             np.maximum(
                 turn_steps(
-                    self.directions[neighbours[j], j][:, None], self.directions[j, neighbours[j]]
+                    self.directions[neighbours[j], j][:, None],
+                    self.directions[j, neighbours[j]],
+                    self.pauses,
                 ),
                 1.0,
             )

@@ -33,7 +33,7 @@ class Leg:
         end_point: index of the point at its end.
         n_turn_steps: number of steps that turn the puppet before it.
         departure_step: index of its first step, after the turns.
-        n_steps: number of steps.
+        n_steps: number of steps, with its pauses.
     """
 
     end_point: int
@@ -133,7 +133,9 @@ class Search:
     def _queue_departures(self, visit: _Visit) -> None:
         """Queues the legs from a visit."""
         point, roadmap = visit.point, self.roadmap
-        n_turn_steps = turn_steps(np.array(visit.heading), roadmap.directions[point])
+        n_turn_steps = turn_steps(
+            np.array(visit.heading), roadmap.directions[point], roadmap.pauses
+        )
         n_lead_steps = n_turn_steps if visit.leg is None else np.maximum(n_turn_steps, 1.0)
         costs = visit.cost + n_lead_steps + TURN_COST * (n_lead_steps > 0.0) + roadmap.costs[point]
         f = costs + roadmap.cost_to_goal[point]
@@ -215,7 +217,8 @@ class Search:
         earlier_arrivals = self._best_arrivals.setdefault((end_point, occupied_step), [])
         if earlier_arrivals:
             costs, headings = (np.array(x) for x in zip(*earlier_arrivals, strict=True))
-            if np.any(costs + turn_steps(headings, np.array(heading)) <= arrival.cost + 1e-12):
+            n_turn_steps = turn_steps(headings, np.array(heading), self.roadmap.pauses)
+            if np.any(costs + n_turn_steps <= arrival.cost + 1e-12):
                 return None
         earlier_arrivals.append((arrival.cost, heading))
         return _Visit(end_point, heading, arrival_step, occupied_step, arrival.cost, leg, visit)

@@ -55,7 +55,7 @@ class WalkProblem:
     """Stage around a puppet that walks.
 
     Attributes:
-        start, begin, step_time, longest_step, radius, blocked: see ``plan_walk``.
+        start, begin, step_time, longest_step, radius, blocked, pauses: see ``plan_walk``.
         standing: obstacles, and players that do not move after the beginning.
         movers: players that move.
         space: bounds of the puppet's middle.
@@ -71,9 +71,11 @@ class WalkProblem:
         blocked: Sequence[Region],
         others: Sequence[OtherPlayer],
         space: Rectangle | None,
+        pauses: tuple[int, int],
     ):
         self.start, self.begin, self.step_time = start, begin, step_time
         self.longest_step, self.radius, self.blocked = longest_step, radius, blocked
+        self.pauses = pauses
         standing_players = [other.at_rest() for other in others if other.last_motion() <= begin]
         self.standing: list[Region] = [*blocked, *standing_players]
         self.movers = [other for other in others if other.last_motion() > begin]
@@ -130,7 +132,8 @@ class WalkProblem:
     def n_waiting_steps(self, walk: Walk) -> int:
         """Number of steps for which the puppet waits before a walk and during it."""
         n_delay = round((walk.begin - self.begin) / self.step_time)
-        return n_delay + sum(step.stands for step in walk.steps)
+        n_paused = sum(self.pauses) * len(walk.straight_parts)
+        return n_delay + sum(step.stands for step in walk.steps) - n_paused
 
     # -- ways --------------------------------------------------------------------------------
 
@@ -146,13 +149,14 @@ class WalkProblem:
             self.space,
             self.radius,
             self.longest_step,
+            self.pauses,
         )
 
     def find_walk(self, goal: Footing, latest_begin: float) -> Walk | None:
         """Walk with the earliest arrival, with waits of any length; None if there is none."""
         roadmap = self.roadmap(goal)
         ends = (self.start.place, goal.place)
-        traffic = Traffic(self.movers, self.begin, self.step_time, self.radius, ends)
+        traffic = Traffic(self.movers, self.begin, self.step_time, self.radius, ends, self.pauses)
         legs = Search(roadmap, traffic).run(complex(np.exp(1j * self.start.heading)))
         if legs is None:
             return None
@@ -187,26 +191,24 @@ class WalkProblem:
     ) -> Walk:
         """Walk along legs; steps at its start that only stand become a later beginning."""
         steps: list[Step] = []
+        before, after = self.pauses
         place, heading, step_index = self.start.place, self.start.heading, 0
         for leg in legs:
             end = complex(roadmap.points[leg.end_point])
             steps += [Step()] * (leg.departure_step - leg.n_turn_steps - step_index)
             turn_steps_of_leg = _turn_steps(heading, float(np.angle(end - place)), leg.n_turn_steps)
-            steps += turn_steps_of_leg + [Step(abs(end - place) / leg.n_steps)] * leg.n_steps
+            n_steps = leg.n_steps - before - after
+            steps += turn_steps_of_leg + [Step()] * before
+            steps += [Step(abs(end - place) / n_steps)] * n_steps + [Step()] * after
             heading += sum(step.turn for step in turn_steps_of_leg)
             place, step_index = end, leg.departure_step + leg.n_steps
-        steps += _turn_steps(heading, goal.heading, _n_turn_steps(heading, goal.heading))
+        last_turn = turn_steps(*np.exp(1j * np.array([heading, goal.heading])), self.pauses)
+        steps += _turn_steps(heading, goal.heading, int(last_turn))
         max_delay = int(np.floor((latest_begin - self.begin) / self.step_time + 1e-9))
-        n_delay = 0
-        while n_delay < min(max_delay, len(steps)) and steps[n_delay].stands:
-            n_delay += 1
+        n_waiting = legs[0].departure_step - legs[0].n_turn_steps if legs else 0
+        n_delay = min(max_delay, n_waiting)
         begin = self.begin + n_delay * self.step_time
-        return Walk(self.start, begin, tuple(steps[n_delay:]), self.step_time)
-
-
-def _n_turn_steps(heading: float, new_heading: float) -> int:
-    """Number of steps to turn between two headings [rad]."""
-    return int(turn_steps(np.exp(1j * np.array(heading)), np.exp(1j * np.array(new_heading))))
+        return Walk(self.start, begin, tuple(steps[n_delay:]), self.step_time, self.pauses)
 
 
 def _turn_steps(heading: float, new_heading: float, n: int) -> list[Step]:

@@ -86,6 +86,7 @@ class Traffic:
         step_time: duration of a step [s].
         radius: radius of the puppet [m].
         ends: start and goal of the puppet, where others may be as near as their radii allow.
+        pauses: steps before and after each leg in which the puppet stands.
     """
 
     others: Sequence[OtherPlayer]
@@ -93,6 +94,7 @@ class Traffic:
     step_time: float
     radius: float
     ends: tuple[complex, complex]
+    pauses: tuple[int, int]
 
     @cached_property
     def samples_per_step(self) -> int:
@@ -141,11 +143,12 @@ class Traffic:
 
         Args:
             first, last: places at its ends.
-            n: number of its steps.
+            n: number of its steps, with its pauses.
             earliest, latest: range of the step.
         """
         path = np.asarray(
-            first + (last - first) * _leg_progress(n, self.samples_per_step), dtype=complex
+            first + (last - first) * _leg_progress(n, self.samples_per_step, self.pauses),
+            dtype=complex,
         )
         # All later departures are equal, since everybody stands.
         last_tried = min(latest, max(earliest, self.all_standing_step))
@@ -175,8 +178,14 @@ class Traffic:
 
 
 @cache
-def _leg_progress(n: int, samples_per_step: int) -> Array:
+def _leg_progress(n: int, samples_per_step: int, pauses: tuple[int, int]) -> Array:
     """(n parts + 1,) share of a leg of n steps that is completed at its samples."""
+    before, after = pauses
     shares = np.arange(samples_per_step) / samples_per_step
-    coef = stepping.leg_progress(n)
-    return np.append(polynomial.evaluate(coef[:, None], shares[None])[0].ravel(), 1.0)
+    coef = stepping.leg_progress(n - before - after)
+    moving = polynomial.evaluate(coef[:, None], shares[None])[0].ravel()
+    return np.pad(
+        moving,
+        (before * samples_per_step, after * samples_per_step + 1),
+        constant_values=(0.0, 1.0),
+    )

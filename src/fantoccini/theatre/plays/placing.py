@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from itertools import takewhile
 
 import numpy as np
 
@@ -380,8 +379,7 @@ class _CuePlacer:
         )
         if walk is None:
             raise CueError(reason)
-        n_standing = len(list(takewhile(lambda step: step.stands, walk.steps)))
-        move_time = walk.begin + n_standing * walk.step_time
+        move_time = walk.move_time
         if arrival is not None:
             self._check_time(turn, name, abs(walk.end - turn.wanted_time), walk.end)
         else:

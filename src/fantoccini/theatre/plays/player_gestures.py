@@ -24,6 +24,7 @@ from fantoccini.theatre.cast import (
     Footing,
     Player,
     ResultCache,
+    Walk,
     gesture_format,
     is_clip,
     prop_gestures,
@@ -33,7 +34,6 @@ from fantoccini.theatre.gestures import (
     COMPUTED_GESTURES,
     STEP_TIME,
     Gesture,
-    Step,
     Style,
     bundled_gesture_path,
     check_parts,
@@ -42,6 +42,7 @@ from fantoccini.theatre.gestures import (
     load_gesture,
     step_gesture,
 )
+from fantoccini.theatre.plays.floor_walks import floor_walk
 from fantoccini.theatre.script import (
     VERBS,
     DoesCue,
@@ -139,33 +140,29 @@ class PlayerGestures:
                 self._cache[key] = str(error)
         return _or_raise(self._cache[key])
 
-    def walk(
-        self,
-        player: Player,
-        walk_steps: tuple[Step, ...],
-        step_time: float,
-        carrying_side: str = "",
-    ) -> Gesture:
+    def walk(self, player: Player, walk: Walk, carrying_side: str = "") -> Gesture:
         """Steps of a player, with the heading of its file.
 
         Args:
             player: player that walks.
-            walk_steps: steps in order.
-            step_time: duration of a step [s].
+            walk: its steps.
             carrying_side: side of the forearm on which something hangs.
 
         Raises:
-            StateError: the puppet lacks a part that the gesture moves.
+            StateError: the puppet lacks a part that the gesture moves, or cannot walk on the floor.
         """
-        key = (player.marionette, "walk", walk_steps, step_time, carrying_side)
+        steps, step_time = walk.steps, walk.step_time
+        key = (player.marionette, "walk", steps, step_time, carrying_side, any(walk.pauses))
         if key not in self._cache:
             if carrying_side:
                 pose = self.pose(player, carrying_side)
                 gesture = prop_gestures.steps_carrying(
-                    player.marionette, pose, player.rest_state, "", walk_steps, step_time
+                    player.marionette, pose, player.rest_state, "", steps, step_time
                 )
+            elif any(walk.pauses):
+                gesture = floor_walk(player, walk)
             else:
-                gesture = step_gesture(player.ends(), walk_steps, step_time)
+                gesture = step_gesture(player.ends(), steps, step_time)
             self._cache[key] = gesture
         return _or_raise(self._cache[key])
 

@@ -318,6 +318,8 @@ def add_settling_pauses(context: CompileContext, results: Results, this_round: R
         if len(cue.parts) != 1 or max_duration <= 0.0:
             continue
         (part,) = cue.parts
+        if _walks_on_floor(this_round.placement, part):
+            continue  # swing is simulated without contact
         start_and_motion = _separate_motion(this_round.placement, part)
         if start_and_motion is None:
             continue
@@ -345,6 +347,17 @@ def max_pause(entry: PlayCue, beat: float) -> float:
     if entry.may_wait is not None:
         return entry.may_wait * beat
     return MAX_FREE_PAUSE if entry.is_free else 0.0
+
+
+def _walks_on_floor(placement: Placement, part: CuePart) -> bool:
+    """Whether the player of a part walks on the floor in it."""
+    return any(
+        meeting.kind == "walks"
+        and part.who in meeting.players
+        and meeting.begin < part.end
+        and part.start < meeting.end
+        for meeting in placement.meetings
+    )
 
 
 def _separate_motion(placement: Placement, part: CuePart) -> tuple[float, Motion] | None:

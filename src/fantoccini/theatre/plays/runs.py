@@ -54,7 +54,7 @@ _TIME_STEPS = {"steps": 1e-3, "fine steps": 2.5e-4}
 """Time steps of companies that touch [s]."""
 _SAMPLE_INTERVAL = 5e-3
 """Time between samples of these companies [s]."""
-_FINE_STEPS_REASON = "somebody sits, or a prop stands on something"
+_FINE_STEPS_REASON = "somebody sits or walks on the floor, or a prop stands on something"
 """Reason for fine time steps without an event-driven attempt."""
 _MAX_MEMORY_RATE = 4e7
 """Memory for a second of an event-driven run with touches [bytes/s]: about 4000 samples."""
@@ -159,8 +159,8 @@ def runs_of(
 
     They are event-driven if nothing may touch, else in time steps of 1 ms. With ``exact`` the
     latter are event-driven, too. They have steps of 0.25 ms if the event-driven run stops, as
-    friction may jam, and if somebody sits or a prop stands on something, for which it would stop or
-    take many minutes.
+    friction may jam, and if somebody sits or walks on the floor, or a prop stands on something, for
+    which it would stop or take many minutes.
 
     Args:
         cast: cast of the play.

@@ -13,6 +13,7 @@ from fantoccini.base import StateError, UnknownNameError
 from fantoccini.model.puppet import FLOOR
 from fantoccini.theatre.cast import Actor, Cast, ContactBodies, Meeting, Pair, Walk
 from fantoccini.theatre.gestures import CueError, CuePart, Gesture, PendingCue
+from fantoccini.theatre.plays.floor_walks import floor_meetings
 from fantoccini.theatre.plays.holdings import Hanging, Seated, Standing
 from fantoccini.theatre.plays.player_gestures import PlayerGestures
 from fantoccini.theatre.script import VERBS, PlayCue, Spot
@@ -114,7 +115,8 @@ class StageState:
         sitting = [
             seated.meeting(self.bodies(who), until, until) for who, seated in self.seated.items()
         ]
-        return (*self.past_meetings, *hanging, *sitting)
+        walking = [meeting for actor in self.actors.values() for meeting in floor_meetings(actor)]
+        return (*self.past_meetings, *hanging, *sitting, *walking)
 
     # -- changes -----------------------------------------------------------------------------
 
@@ -228,7 +230,7 @@ def after_walk(
         gesture = Gesture.rest(actor.player.marionette, 1e-3, everything=False)
         return replace(actor, walks=(*actor.walks, walk)), gesture
     try:
-        steps = gestures.walk(actor.player, walk.steps, walk.step_time, carrying_side)
+        steps = gestures.walk(actor.player, walk, carrying_side)
     except (StateError, UnknownNameError) as error:
         raise CueError(f"{actor.player.name} cannot walk: {error}") from None
     gesture = actor.player.turned(steps, walk.start.heading)

@@ -135,7 +135,9 @@ class _DistanceRules:
         marionette, min_distance = cast.marionette, cast.file.stage.clear
         self._cast, self._min_distance = cast, min_distance
         self._groups = [
-            {*meeting.players, *meeting.props, *_seat(meeting)} for meeting in present_meetings
+            {*meeting.players, *meeting.props, *_seat(meeting)}
+            for meeting in present_meetings
+            if meeting.kind != "walks"
         ]
         part_names = [link.name for link in marionette.tree.links]
         part_names += [obstacle.name for obstacle in Clearance(marionette, strings=False).obstacles]

@@ -19,6 +19,7 @@ from fantoccini.motion import EventKind, Trajectory
 from fantoccini.theatre.cast import CannotBegin, OutOfTime, Stop
 from fantoccini.theatre.gestures import measure_lateness, motion_bounds, names_and_units
 from fantoccini.theatre.plays.failures import find_failures
+from fantoccini.theatre.plays.floor_walks import FloorFeet, feet_on_floor
 from fantoccini.theatre.plays.leashes import find_stretches
 from fantoccini.theatre.plays.placing import IN_TIME
 from fantoccini.theatre.plays.play import CueOfPlay, Play
@@ -74,6 +75,7 @@ class Verification:
         windings: pairs of strings that are wound around each other.
         stepping_reasons: reasons why parts with touches were simulated in time steps: stops of
             their event-driven run.
+        feet: feet in the straight parts of walks on the floor.
     """
 
     play: Play
@@ -87,6 +89,7 @@ class Verification:
     space: tuple[tuple[float, float], tuple[float, float]]
     windings: tuple[Winding, ...] = field(default=(), repr=False)
     stepping_reasons: tuple[str, ...] = ()
+    feet: tuple[FloorFeet, ...] = field(default=(), repr=False)
 
     def __bool__(self) -> bool:
         return not self.faults
@@ -106,9 +109,10 @@ def verify_play(play: Play, *, within: float | None = None) -> Verification:
 
     The requirements are: the run reaches its end; every cue that is done is observed within 1/60 s
     of its time; players, obstacles and strings keep the stage's distance; strings never cross;
-    leashes stay slack; only sitters touch the floor; props are held, put down and sat on as in the
-    cues; the hands keep their bounds and their space, and rest while a show waits. The bodies of
-    one player are not checked against each other, nor against its own strings.
+    leashes stay slack; only sitters and walkers touch the floor; feet stand on it and hardly slide
+    in walks on the floor; props are held, put down and sat on as in the cues; the hands keep their
+    bounds and their space, and rest while a show waits. The bodies of one player are not checked
+    against each other, nor against its own strings.
 
     Args:
         play: compiled play.
@@ -144,6 +148,8 @@ def verify_play(play: Play, *, within: float | None = None) -> Verification:
     faults += [
         f"{stretch}, in {play.when(stretch.t)}" for stretch in find_stretches(play.cast, run)
     ]
+    feet = tuple(feet_on_floor(play.cast, play.walks, runs))
+    faults += [f"{text}, in {play.when(t)}" for walk in feet for t, text in walk.faults()]
     cues = cue_times(play, run)
     for timing in cues:
         if abs(timing.lateness) > IN_TIME + 1e-9:
@@ -192,6 +198,7 @@ def verify_play(play: Play, *, within: float | None = None) -> Verification:
         space,
         wound_pairs,
         tuple(reason for company in runs.companies for reason in company.stepping_reasons),
+        feet,
     )
 
 

@@ -35,6 +35,7 @@ from fantoccini.theatre.pathfinding import (
     Region,
     plan_walk,
 )
+from fantoccini.theatre.plays.floor_walks import FLOOR_PAUSES
 from fantoccini.theatre.plays.player_gestures import step_time
 from fantoccini.theatre.script import ScriptLog
 
@@ -138,7 +139,7 @@ class WalkPlanner:
     @staticmethod
     def clearance(player: Player) -> float:
         """Distance of a player's middle from obstacles [m]."""
-        return player.radius + player.leg_ratio * (SWAY + _BODY_SWING)
+        return player.radius + player.leg_ratio * (SWAY + _BODY_SWING) + _gait_reach(player)
 
     def is_clear(self, player: Player, footing: Footing) -> bool:
         """Whether a place is clear of all obstacles."""
@@ -254,16 +255,22 @@ class WalkPlanner:
         track_keys = tuple((other.name, t.tobytes(), xy.tobytes()) for other, (t, xy) in tracks)
         key = (player.name, start, goal, round(begin, 9), max_wait, is_carrying, track_keys)
         if key not in self._walks:
+            longest_step, pauses = _MAX_STEP * player.leg_ratio, (0, 0)
+            duration = self.step_time * (_CARRYING_FACTOR if is_carrying else 1.0)
+            if player.gait is not None and not is_carrying:
+                longest_step = player.gait.stride * player.leg_length
+                duration, pauses = player.gait.step_time, FLOOR_PAUSES
             self._walks[key] = plan_walk(
                 start,
                 goal,
                 begin=begin,
-                longest_step=_MAX_STEP * player.leg_ratio,
-                step_time=self.step_time * (_CARRYING_FACTOR if is_carrying else 1.0),
+                longest_step=longest_step,
+                step_time=duration,
                 radius=self.clearance(player),
                 blocked=self.obstacles,
                 space=self._middle_bounds(player),
                 latest_begin=begin + max_wait,
+                pauses=pauses,
                 others=[
                     OtherPlayer(other.name, t, xy, self.clearance(other))
                     for other, (t, xy) in tracks
@@ -276,7 +283,7 @@ class WalkPlanner:
         if self._space is None:
             return None
         (x_min, x_max), (y_min, y_max) = self._space.x, self._space.y
-        radius = player.radius + player.leg_ratio * SWAY
+        radius = player.radius + player.leg_ratio * SWAY + _gait_reach(player)
         return Rectangle((x_min + radius, y_min + radius), (x_max - radius, y_max - radius))
 
     def _reason(self, player: Player, failure: NoPath, act_start: float) -> str:
@@ -289,6 +296,11 @@ class WalkPlanner:
             x, y = failure.nearest.x, failure.nearest.y
             text += f"; the nearest place that can be reached is [{x:.2f}, {y:.2f}]"
         return text
+
+
+def _gait_reach(player: Player) -> float:
+    """Distance by which a gait on the floor carries ends of strings beyond the radius [m]."""
+    return 0.0 if player.gait is None else player.gait.reach * player.leg_length
 
 
 def _regions_under(name: str, shape: Shape, max_height: float) -> list[Region]:

@@ -90,6 +90,8 @@ class PlayerFile(Model):
     """Direction at the start; that of the mark by default."""
     lift: Length = 0.025
     """Length by which all its strings are wound in, to hang clear of the floor [m]."""
+    walks: Literal["above the floor", "on the floor"] = "above the floor"
+    """Whether its feet touch the floor when it walks straight; its puppet then needs a gait."""
     pose: dict[str, PoseValue] = Field(default_factory=dict)
     """Start values that replace those of the puppet's file."""
     colours: dict[str, Colour] = Field(default_factory=dict)

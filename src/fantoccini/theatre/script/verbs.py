@@ -13,8 +13,9 @@ from typing import Literal
 from fantoccini.theatre.script import cues
 from fantoccini.theatre.script.cues import CueFile
 
-MeetingKind = Literal["hangs", "given", "put", "picked", "sits"]
-"""Kind of meeting: a prop hangs on a forearm, is given, put down or picked up, or someone sits."""
+MeetingKind = Literal["hangs", "given", "put", "picked", "sits", "walks"]
+"""Kind of meeting: a prop hangs on a forearm, is given, put down or picked up, or someone sits, or
+walks on the floor."""
 
 
 @dataclass(frozen=True)
