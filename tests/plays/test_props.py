@@ -307,3 +307,32 @@ def test_a_basket_is_put_down():
         [put_down.forward, put_down.left], abs=0.01
     )
     assert set(times) == {"table", f"forearm_{side}"}
+
+
+@pytest.mark.parametrize(
+    ("prop", "side", "drop"), [("basket", "right", 0.008), ("ball", "left", 0.0)]
+)
+def test_the_string_of_a_hand_keeps_away_from_a_prop_that_is_picked_up(prop, side, drop):
+    alone = fan.puppets.marionette()
+    picking = putting.pick_up(alone, "", prop, drop, side=side)
+    carried_height = prop_gestures.handle_place(alone, side=side)[2] + putting.CARRY_RISE
+    top = carried_height + FEET_HEIGHT - PROP_DATA[prop]["handle"] - drop
+    x, y = picking.forward, picking.left
+    table = {"name": "table", "type": "box", "size": [0.3, 0.3, top], "at": [x, y, top / 2]}
+    scene = stage(
+        [puppet("columbine", 0.0, 0.0, 0.0)],
+        [hanging_prop(prop, 0.0, 0.0, 0.0, side) | {"at": [x, y, top]}],
+        [table],
+        [{"between": ["table", "columbine"], "meet": False}],
+    )
+    x0, gesture = scene.rest(), putting.pick_up(scene, "", prop, drop, side=side).gesture
+    run = fan.simulate(
+        scene, x0, gesture.inputs(x0), t_end=18.5, method=TIME_STEPPING, save_every=10
+    )
+    assert run.status is fan.Status.DONE
+    assert 0.05 < -handle_positions(scene, run, prop, f"forearm_{side}")[-1, 2] < 0.075
+    strings = StringDistances(scene).motion(run.q_D[::2], run.q_K[::2], run.t[::2])
+    assert not strings.crossings()
+    near = [pair for pair in strings.nearest().bodies if pair.second == prop]
+    # It passes through the bar if the arm is placed as for putting the prop down.
+    assert min(pair.distance for pair in near) > 0.006

@@ -38,6 +38,10 @@ _ELBOW_DISTANCE = 0.062
 
 _HELD_OUT = {"forward": 0.4, "in": 0.065, "up": 0.03}
 """Offsets of the hand's string that hold a prop far out [m]."""
+_EMPTY_FORWARD = 0.03
+"""Additional forward offset of the hand's string while an arm comes under the bar of a standing
+prop: without a prop the arm hangs farther back, so that its string would pass the bar within 2 mm
+[m]."""
 _RISE = 0.045
 """Rise of the hand's string before it reaches out [m]."""
 _HELD_OUT_RISE, _PROP_PER_STRING = 0.027, 0.7
@@ -45,7 +49,7 @@ _HELD_OUT_RISE, _PROP_PER_STRING = 0.027, 0.7
 height there [m]; and vertical motion of the prop, relative to that of the string."""
 _FREE_DESCENT = 0.05
 """Further descent of the hand's string, until the arm is free under the bar [m]."""
-_FORWARD, _FORWARD_PER_DROP, _OUTWARD = 0.147, 0.62, -0.009
+_FORWARD, _FORWARD_PER_DROP, _OUTWARD = 0.1415, 0.62, -0.009
 """Place of a prop that is put down at the height at which it hung, from the elbow: distance forward
 [m], decrease of that relative to the drop, and distance outward [m]."""
 _GLIDE = 0.1
@@ -101,6 +105,8 @@ def put_down(
 def pick_up(stage: Marionette, who: str, prop: str, drop: float, *, side: str = "right") -> Putting:
     """:func:`put_down` reversed in time: the forearm moves under the handle and lifts the prop.
 
+    The arm, which hangs farther back without the prop, is held out farther.
+
     Args:
         stage: marionette of the scene with the puppet and the prop.
         who: puppet of the scene that picks up the prop.
@@ -149,6 +155,8 @@ def putting(
         raise ValueError(text)
     string, glide = physique.hand_string(side), scale * _GLIDE
     held_out = {way: scale * offset for way, offset in _HELD_OUT.items()}
+    if pick_up:
+        held_out["forward"] += scale * _EMPTY_FORWARD
     touch_offset = -(drop + scale * _HELD_OUT_RISE) / _PROP_PER_STRING
     lowest_offset = touch_offset - scale * _FREE_DESCENT
     waypoints = shifted(
