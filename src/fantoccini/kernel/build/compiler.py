@@ -17,7 +17,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor, as_completed
+from concurrent.futures import Future, ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -229,29 +229,40 @@ def object_command(
     return [*compiler.command, *alone, APART, "-I", str(include), "-c", file, "-o", to]
 
 
-def run_compilers(
-    commands: Sequence[tuple[list[str], Path]], seconds: float = COMPILE_SECONDS
-) -> None:
-    """Runs compilers, as many at a time as there are processors.
+class Compilers:
+    """Context in which compilers run, as many at a time as there are processors.
 
-    Args:
-        commands: commands as in :func:`run_compiler`, each with its folder.
-        seconds: longest time of each [s].
-
-    Raises:
-        BuildError, DiskError: a command failed; the others are killed.
+    If it is left by an exception, those that still run are killed.
     """
-    together = _Together()
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        futures = [pool.submit(run_compiler, *command, seconds, together) for command in commands]
-        try:
-            for future in as_completed(futures):
-                future.result()
-        except BaseException:
-            for future in futures:
+
+    def __init__(self) -> None:
+        self._pool = ThreadPoolExecutor(os.cpu_count())
+        self._together = _Together()
+        self._futures: list[Future[None]] = []
+
+    def __enter__(self) -> Compilers:
+        return self
+
+    def __exit__(self, kind: object, error: object, traceback: object) -> None:
+        if error is not None:
+            for future in self._futures:
                 future.cancel()
-            together.end()
-            raise
+            self._together.end()
+        self._pool.shutdown()
+
+    def start(self, command: list[str], folder: Path, seconds: float = COMPILE_SECONDS) -> None:
+        """Starts a compiler, or lets it wait for a processor; see :func:`run_compiler`."""
+        arguments = command, folder, seconds, self._together
+        self._futures.append(self._pool.submit(run_compiler, *arguments))
+
+    def wait(self) -> None:
+        """Waits for all compilers.
+
+        Raises:
+            BuildError, DiskError: one failed.
+        """
+        for future in as_completed(self._futures):
+            future.result()
 
 
 class _Together:
