@@ -14,7 +14,13 @@ import pytest
 from fantoccini.base.errors import BuildError
 from fantoccini.kernel import build
 from fantoccini.kernel.build import compiler as compiler_module
-from fantoccini.kernel.build.compiler import BASE_FLAGS, Compilers, first_build_notice, run_compiler
+from fantoccini.kernel.build.compiler import (
+    BASE_FLAGS,
+    OPTIMISATION,
+    Compilers,
+    first_build_notice,
+    run_compiler,
+)
 
 VERSION = 'if [ "$1" = --version ]; then echo "fake g++ 1.0"; exit 0; fi\n'
 
@@ -234,6 +240,17 @@ def test_no_flag_lets_the_compiler_break_arithmetic(kind, machine, monkeypatch):
     assert "-ffp-contract=fast" in flags
     assert not {"-ffast-math", "-Ofast", "-funsafe-math-optimizations"} & set(flags)
     assert sum(flag.endswith("=native") for flag in flags) == 1
+
+
+def test_a_level_of_optimisation_of_the_user_replaces_the_flags_of_the_level(monkeypatch):
+    """-Og would otherwise also vectorise loops and inline functions."""
+    monkeypatch.delenv("FANTOCCINI_CXXFLAGS", raising=False)
+    gcc, clang = (build.Compiler(("c++",), kind, "1") for kind in ("gcc", "clang"))
+    assert build.compile_flags(gcc)[: len(OPTIMISATION)] == OPTIMISATION
+    assert build.compile_flags(clang)[0] == "-O2"
+    monkeypatch.setenv("FANTOCCINI_CXXFLAGS", "-g -Og")
+    flags = build.compile_flags(gcc)
+    assert flags[-2:] == ("-g", "-Og") and not set(OPTIMISATION) & set(flags)
 
 
 def test_the_users_flags_come_last(monkeypatch):

@@ -33,6 +33,18 @@ COMPILE_SECONDS = 600.0
 BASE_FLAGS = ("-std=c++17", "-fPIC", "-shared", "-fvisibility=hidden", "-ffp-contract=fast")
 """Flags of every compilation. -ffast-math would break infinities and the order of sums."""
 
+OPTIMISATION = (
+    "-O1",
+    "-fstrict-aliasing",
+    "-fexpensive-optimizations",
+    "-finline-small-functions",
+    "-finline-functions",
+    "-findirect-inlining",
+    "-fpartial-inlining",
+    "-ftree-loop-vectorize",
+)
+"""The parts of g++'s -O2 that make steps faster; the others only take time (docs/growth.md)."""
+
 APART = "-DFAN_APART"
 """Flag for sources whose units are compiled separately."""
 
@@ -161,9 +173,9 @@ def system_install_command() -> str:
 def compile_flags(compiler: Compiler) -> tuple[str, ...]:
     """The flags that depend on the compiler, the processor and the user.
 
-    -O2 for every size: the compile time of code in pieces is proportional to its length
-    (docs/growth.md compares -O1). Flags in the environment variable FANTOCCINI_CXXFLAGS come last
-    and override others.
+    The same for every size: the compile time of code in pieces is proportional to its length. Flags
+    in the environment variable FANTOCCINI_CXXFLAGS come last and override others; a level of
+    optimisation among them replaces ``OPTIMISATION``, of which it would leave parts.
 
     Raises:
         BuildError: FANTOCCINI_CXXFLAGS cannot be split into flags.
@@ -173,7 +185,10 @@ def compile_flags(compiler: Compiler) -> tuple[str, ...]:
     native = "-mcpu=native" if arm or compiler.kind == "zig" else "-march=native"
     # zig instruments for undefined behaviour unless told not to.
     extra = ("-fno-sanitize=undefined",) if compiler.kind == "zig" else ()
-    return ("-O2", native, *extra, *_flags_of_the_user())
+    users = _flags_of_the_user()
+    if any(flag.startswith("-O") for flag in users):
+        return (native, *extra, *users)
+    return (*(OPTIMISATION if compiler.kind == "gcc" else ("-O2",)), native, *extra, *users)
 
 
 def _flags_of_the_user() -> list[str]:

@@ -28,7 +28,7 @@ class PieceSizes(NamedTuple):
     """
 
     piece: int = 1000
-    file: int = 6000
+    file: int = 12000
 
 
 SIZES = PieceSizes()
