@@ -243,7 +243,7 @@ def test_no_flag_lets_the_compiler_break_arithmetic(kind, machine, monkeypatch):
 
 
 def test_a_level_of_optimisation_of_the_user_replaces_the_flags_of_the_level(monkeypatch):
-    """-Og would otherwise also vectorise loops and inline functions."""
+    """-Og would otherwise keep passes that make compilation slow."""
     monkeypatch.delenv("FANTOCCINI_CXXFLAGS", raising=False)
     gcc, clang = (build.Compiler(("c++",), kind, "1") for kind in ("gcc", "clang"))
     assert build.compile_flags(gcc)[: len(OPTIMISATION)] == OPTIMISATION

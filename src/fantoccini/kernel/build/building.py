@@ -155,7 +155,7 @@ class _SharedObjects:
         compilers: compilers that run at the same time.
         stack: removes temporary folders.
         sources: source of every object begun so far, by the name of its file.
-        missing: those that are compiled.
+        missing: the objects that are compiled, by the name of their file.
     """
 
     root: Path

@@ -43,7 +43,7 @@ OPTIMISATION = (
     "-fpartial-inlining",
     "-ftree-loop-vectorize",
 )
-"""The parts of g++'s -O2 that make steps faster; the others only take time (docs/growth.md)."""
+"""The parts of g++'s -O2 that make steps faster; the others only take time (docs/measured.md)."""
 
 APART = "-DFAN_APART"
 """Flag for sources whose units are compiled separately."""
