@@ -233,7 +233,7 @@ TASKS = (
             (
                 "a flag of the generated model, which the solvers read",
                 (
-                    "kernel/codegen/model.py",
+                    "kernel/codegen/tables.py",
                     "kernel/cpp/fantoccini/model/evaluation.hpp",
                     "kernel/cpp/fantoccini/solvers/active_set.hpp",
                 ),

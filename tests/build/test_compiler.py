@@ -16,9 +16,10 @@ from fantoccini.kernel import build
 from fantoccini.kernel.build import compiler as compiler_module
 from fantoccini.kernel.build.compiler import (
     BASE_FLAGS,
+    OPTIMISATION,
+    Compilers,
     first_build_notice,
     run_compiler,
-    run_compilers,
 )
 
 VERSION = 'if [ "$1" = --version ]; then echo "fake g++ 1.0"; exit 0; fi\n'
@@ -166,6 +167,49 @@ def test_the_main_file_is_compiled_once_for_libraries_whose_units_differ(key):
     assert compiled(6) == ["one.o", "two.o", build.LIBRARY]
 
 
+def test_early_objects_are_compiled_while_the_source_is_derived(key, cache):
+    whole, waited = parts("int two() { return 4; }\n"), []
+
+    def derived() -> build.Source:
+        deadline = time.monotonic() + 60.0
+        while not list(cache.glob(f"*/tmp-*/{build.LIBRARY}")) and time.monotonic() < deadline:
+            time.sleep(0.01)
+        waited.append(time.monotonic() < deadline)
+        return whole
+
+    entry = build.obtain(key, derived, early=whole.shared_objects)
+    assert waited == [True]
+    assert ctypes.CDLL(str(entry / build.LIBRARY)).answer() == 7
+    commands = json.loads((entry / "complete.json").read_text())["commands"]
+    outputs = [command[-1] for command in commands]
+    assert outputs == [build.LIBRARY, "one.o", "two.o", build.LIBRARY], "main.cpp only once"
+
+
+def test_an_early_object_of_another_text_is_compiled_again(key):
+    whole = parts("int two() { return 4; }\n")
+    other = {"main.o": build.Source({"main.cpp": "int unused;\n"}, "main.cpp")}
+    entry = build.obtain(key, lambda: whole, early=lambda: other)
+    assert ctypes.CDLL(str(entry / build.LIBRARY)).answer() == 7
+
+
+def test_a_failed_derivation_ends_the_compilers_of_early_objects(
+    key, cache, program, tmp_path, monkeypatch
+):
+    late = tmp_path / "late"
+    slow = program("slow", VERSION + f"sleep 3; touch {late}")
+    monkeypatch.setenv("FANTOCCINI_CXX", str(slow))
+
+    def derived() -> build.Source:
+        time.sleep(0.2)
+        raise ValueError("the mass matrix is singular")
+
+    with pytest.raises(ValueError, match="singular"):
+        build.obtain(key, derived, early=parts("").shared_objects)
+    assert not list(cache.glob("*/tmp-*"))
+    time.sleep(3.2)
+    assert not late.exists()
+
+
 def test_a_unit_that_does_not_compile_shows_its_line(key, cache):
     with pytest.raises(BuildError, match=r"two\.cpp:2(.|\n)*the sources are in"):
         build.obtain(key, lambda: parts("int two() {\n  return four;\n}\n"))
@@ -175,8 +219,10 @@ def test_a_unit_that_does_not_compile_shows_its_line(key, cache):
 def test_a_failing_compiler_ends_the_others(tmp_path, program):
     failing, late = program("failing", "exit 1"), tmp_path / "late"
     hanging = program("hanging", f"(sleep 3; touch {late}) & wait")
-    with pytest.raises(BuildError, match="exit code 1"):
-        run_compilers([([str(failing), "a.o"], tmp_path), ([str(hanging), "b.o"], tmp_path)])
+    with pytest.raises(BuildError, match="exit code 1"), Compilers() as compilers:
+        compilers.start([str(failing), "a.o"], tmp_path)
+        compilers.start([str(hanging), "b.o"], tmp_path)
+        compilers.wait()
     time.sleep(3.2)
     assert not late.exists()
 
@@ -194,6 +240,17 @@ def test_no_flag_lets_the_compiler_break_arithmetic(kind, machine, monkeypatch):
     assert "-ffp-contract=fast" in flags
     assert not {"-ffast-math", "-Ofast", "-funsafe-math-optimizations"} & set(flags)
     assert sum(flag.endswith("=native") for flag in flags) == 1
+
+
+def test_a_level_of_optimisation_of_the_user_replaces_the_flags_of_the_level(monkeypatch):
+    """-Og would otherwise keep passes that make compilation slow."""
+    monkeypatch.delenv("FANTOCCINI_CXXFLAGS", raising=False)
+    gcc, clang = (build.Compiler(("c++",), kind, "1") for kind in ("gcc", "clang"))
+    assert build.compile_flags(gcc)[: len(OPTIMISATION)] == OPTIMISATION
+    assert build.compile_flags(clang)[0] == "-O2"
+    monkeypatch.setenv("FANTOCCINI_CXXFLAGS", "-g -Og")
+    flags = build.compile_flags(gcc)
+    assert flags[-2:] == ("-g", "-Og") and not set(OPTIMISATION) & set(flags)
 
 
 def test_the_users_flags_come_last(monkeypatch):

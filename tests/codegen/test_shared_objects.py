@@ -7,6 +7,7 @@ import pytest
 import fantoccini as fan
 from fantoccini.kernel.build import Source
 from fantoccini.kernel.contract import LIBRARIES
+from fantoccini.kernel.equations.system import Loads, System
 
 PUPPET = """
 puppet: swing
@@ -67,6 +68,22 @@ def test_other_numbers_share_object_files(contact):
         assert other[library].shared_objects() == source.shared_objects(), library
         pieces = [source.files[name] for name in source.pieces]
         assert [other[library].files[name] for name in other[library].pieces] != pieces, library
+
+
+@pytest.mark.parametrize("contact", [False, True])
+def test_objects_are_known_before_the_forces_are_derived(contact, monkeypatch):
+    """They are compiled while the rest is derived."""
+
+    def refuse(system: System) -> Loads:
+        raise AssertionError("forces were derived")
+
+    text = (PUPPET + FLOOR * contact).format(**NUMBERS)
+    with monkeypatch.context() as patch:
+        patch.setattr(System, "free_loads", property(refuse))
+        patch.setattr(System, "step_loads", property(refuse))
+        early = {library: fan.loads(text).libraries.early_objects(library) for library in LIBRARIES}
+    for library, source in sources(PUPPET + FLOOR * contact).items():
+        assert source.shared_objects() == early[library], library
 
 
 @pytest.mark.parametrize("contact", [False, True])

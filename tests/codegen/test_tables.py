@@ -11,7 +11,7 @@ import pytest
 import fantoccini as fan
 from cpp.toolchain import equations
 from fantoccini import puppets
-from fantoccini.kernel.codegen.model import tables_text
+from fantoccini.kernel.codegen import tables_text
 from fantoccini.kernel.codegen.straight import pieces, program
 
 pytestmark = pytest.mark.medium

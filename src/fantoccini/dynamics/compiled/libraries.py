@@ -166,6 +166,14 @@ class Libraries:
         caching = {"units": code.units, "pieces": code.pieces, "shared_units": code.shared_units}
         return build.Source(code.files, code.main, metadata, **caching)
 
+    def early_objects(self, library: str) -> dict[str, build.Source]:
+        """The objects of :meth:`source_files` that do not depend on the equations of motion."""
+        from fantoccini.kernel import codegen
+
+        check_mass_matrix(self.puppet, self.tree)
+        code = codegen.generate_main(self.equations, library)
+        return build.early_objects(code.files, code.main, code.shared_units)
+
     def _lanes(self, file: Path) -> BatchLibrary:
         return BatchLibrary(Loaded(file, self.tree_with_solids.sizes))
 
@@ -178,8 +186,13 @@ class Libraries:
         key = build.fingerprint(canonical, build.code_fingerprint(*SOURCE_MODULES), flags=flags)
 
         def library_file(rebuild: bool = False) -> Path:
-            files = partial(self.source_files, name)
-            folder = build.obtain(key, files, progress=self.progress, rebuild=rebuild)
+            folder = build.obtain(
+                key,
+                partial(self.source_files, name),
+                early=partial(self.early_objects, name),
+                progress=self.progress,
+                rebuild=rebuild,
+            )
             return folder / build.LIBRARY
 
         try:

@@ -10,7 +10,7 @@ from fantoccini.kernel.build.cache import clear, contents, obtain
 from fantoccini.kernel.build.closure import code_fingerprint
 from fantoccini.kernel.build.compiler import Compiler, compile_flags, default_flags, find_compiler
 from fantoccini.kernel.build.description import describe
-from fantoccini.kernel.build.entry import INFO, LIBRARY, Source
+from fantoccini.kernel.build.entry import INFO, LIBRARY, Source, early_objects
 from fantoccini.kernel.build.folders import cache_folder
 from fantoccini.kernel.build.kept import RESULTS, ArrayStore, kept_arrays
 from fantoccini.kernel.build.key import fingerprint, results_fingerprint, runtime_folder
@@ -29,6 +29,7 @@ __all__ = [
     "contents",
     "default_flags",
     "describe",
+    "early_objects",
     "find_compiler",
     "fingerprint",
     "kept_arrays",

@@ -19,7 +19,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor, as_completed
+from concurrent.futures import Future, ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -34,6 +34,18 @@ COMPILE_SECONDS = 600.0
 
 BASE_FLAGS = ("-std=c++17", "-fPIC", "-shared", "-fvisibility=hidden", "-ffp-contract=fast")
 """Flags of every compilation. -ffast-math would break infinities and the order of sums."""
+
+OPTIMISATION = (
+    "-O1",
+    "-fstrict-aliasing",
+    "-fexpensive-optimizations",
+    "-finline-small-functions",
+    "-finline-functions",
+    "-findirect-inlining",
+    "-fpartial-inlining",
+    "-ftree-loop-vectorize",
+)
+"""The parts of g++'s -O2 that make steps faster; the others only take time (docs/measured.md)."""
 
 APART = "-DFAN_APART"
 """Flag for sources whose units are compiled separately."""
@@ -163,9 +175,9 @@ def system_install_command() -> str:
 def compile_flags(compiler: Compiler) -> tuple[str, ...]:
     """The flags that depend on the compiler, the processor and the user.
 
-    -O2 for every size: the compile time of code in pieces is proportional to its length
-    (docs/growth.md compares -O1). Flags in the environment variable FANTOCCINI_CXXFLAGS come last
-    and override others.
+    The same for every size: the compile time of code in pieces is proportional to its length. Flags
+    in the environment variable FANTOCCINI_CXXFLAGS come last and override others; a level of
+    optimisation among them replaces ``OPTIMISATION``, of which it would leave parts.
 
     Raises:
         BuildError: FANTOCCINI_CXXFLAGS cannot be split into flags.
@@ -175,7 +187,10 @@ def compile_flags(compiler: Compiler) -> tuple[str, ...]:
     native = "-mcpu=native" if arm or compiler.kind == "zig" else "-march=native"
     # zig instruments for undefined behaviour unless told not to.
     extra = ("-fno-sanitize=undefined",) if compiler.kind == "zig" else ()
-    return ("-O2", native, *extra, *_flags_of_the_user())
+    users = _flags_of_the_user()
+    if any(flag.startswith("-O") for flag in users):
+        return (native, *extra, *users)
+    return (*(OPTIMISATION if compiler.kind == "gcc" else ("-O2",)), native, *extra, *users)
 
 
 def _flags_of_the_user() -> list[str]:
@@ -231,29 +246,40 @@ def object_command(
     return [*compiler.command, *alone, APART, "-I", str(include), "-c", file, "-o", to]
 
 
-def run_compilers(
-    commands: Sequence[tuple[list[str], Path]], seconds: float = COMPILE_SECONDS
-) -> None:
-    """Runs compilers, as many at a time as there are processors.
+class Compilers:
+    """Context in which compilers run, as many at a time as there are processors.
 
-    Args:
-        commands: commands as in :func:`run_compiler`, each with its folder.
-        seconds: longest time of each [s].
-
-    Raises:
-        BuildError, DiskError: a command failed; the others are killed.
+    If it is left by an exception, those that still run are killed.
     """
-    together = _Together()
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        futures = [pool.submit(run_compiler, *command, seconds, together) for command in commands]
-        try:
-            for future in as_completed(futures):
-                future.result()
-        except BaseException:
-            for future in futures:
+
+    def __init__(self) -> None:
+        self._pool = ThreadPoolExecutor(os.cpu_count())
+        self._together = _Together()
+        self._futures: list[Future[None]] = []
+
+    def __enter__(self) -> Compilers:
+        return self
+
+    def __exit__(self, kind: object, error: object, traceback: object) -> None:
+        if error is not None:
+            for future in self._futures:
                 future.cancel()
-            together.end()
-            raise
+            self._together.end()
+        self._pool.shutdown()
+
+    def start(self, command: list[str], folder: Path, seconds: float = COMPILE_SECONDS) -> None:
+        """Starts a compiler, or lets it wait for a processor; see :func:`run_compiler`."""
+        arguments = command, folder, seconds, self._together
+        self._futures.append(self._pool.submit(run_compiler, *arguments))
+
+    def wait(self) -> None:
+        """Waits for all compilers.
+
+        Raises:
+            BuildError, DiskError: one failed.
+        """
+        for future in as_completed(self._futures):
+            future.result()
 
 
 class _Together:

@@ -15,6 +15,7 @@ import hashlib
 import json
 import os
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -67,17 +68,33 @@ class Source:
         These are the shared units, and the main file where there are units: it is the same for
         puppets that differ in nothing but numbers.
         """
-        objects = {
-            f"{Path(unit).name}.o": Source(
-                {"unit.cpp": f'#include "fantoccini/{unit}.hpp"\n'}, "unit.cpp"
-            )
-            for unit in self.shared_units
-        }
-        if self.units:
-            own_libraries = {*self.units, *self.pieces}
-            files = {name: text for name, text in self.files.items() if name not in own_libraries}
-            objects[f"{Path(self.main).stem}.o"] = Source(files, self.main)
+        own_files = {*self.units, *self.pieces}
+        files = {name: text for name, text in self.files.items() if name not in own_files}
+        objects = early_objects(files, self.main, self.shared_units)
+        if not self.units:
+            del objects[_object_name(self.main)]
         return objects
+
+
+def early_objects(
+    files: dict[str, str], main: str, shared_units: Iterable[str]
+) -> dict[str, Source]:
+    """Object file -> its source, for a main file and the runtime headers linked to it.
+
+    Args:
+        files: the main file, and the files that it includes where ``FAN_APART`` is defined.
+        main: name of the main file.
+        shared_units: see :class:`Source`.
+    """
+    headers = {
+        _object_name(unit): Source({"unit.cpp": f'#include "fantoccini/{unit}.hpp"\n'}, "unit.cpp")
+        for unit in shared_units
+    }
+    return {_object_name(main): Source(files, main)} | headers
+
+
+def _object_name(file: str) -> str:
+    return f"{Path(file).stem}.o"
 
 
 def write_source(folder: Path, source: Source) -> None:

@@ -5,7 +5,17 @@ such as runs or derivatives.
 """
 
 from fantoccini.kernel.codegen.c99 import c99_files
-from fantoccini.kernel.codegen.libraries import generate
-from fantoccini.kernel.codegen.model import STEM, Generated, model_text, operations, tables_text
+from fantoccini.kernel.codegen.libraries import generate, generate_main
+from fantoccini.kernel.codegen.model import STEM, Generated, model_text, operations
+from fantoccini.kernel.codegen.tables import tables_text
 
-__all__ = ["STEM", "Generated", "c99_files", "generate", "model_text", "operations", "tables_text"]
+__all__ = [
+    "STEM",
+    "Generated",
+    "c99_files",
+    "generate",
+    "generate_main",
+    "model_text",
+    "operations",
+    "tables_text",
+]

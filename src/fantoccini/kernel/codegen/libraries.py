@@ -6,6 +6,7 @@ joint.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import prod
 
@@ -15,12 +16,11 @@ from fantoccini.kernel.codegen.model import (
     Generated,
     Real,
     assembled,
-    nominal_lengths,
-    numbers_text,
+    declared_functions,
     programs,
-    tables_text,
 )
 from fantoccini.kernel.codegen.straight import Program, Table, program, together
+from fantoccini.kernel.codegen.tables import nominal_lengths, numbers_text, tables_text
 from fantoccini.kernel.contract import FUNCTIONS, compiled
 from fantoccini.kernel.equations import Derivatives, Equations, Variational, VariationalDerivatives
 
@@ -31,6 +31,7 @@ _BESIDE = replace(WIDE, stem="wide")
 """Lanes, in libraries whose other functions compute with doubles."""
 _SINGLE = replace(Real(), stem="single")
 """Doubles, in libraries of lanes: lanes with different contacts are advanced one by one."""
+_SOLVES = ("solve_factor_transposed", "solve_factor")
 _IN_LANES = ("force_by_q", "force_by_v", "force_by_K", "rows_by", "row_rates_by")
 """Functions that libraries ``with_lanes`` evaluate at several states at once."""
 
@@ -80,60 +81,115 @@ def generate(equations: Equations, library: str = "model") -> Generated:
         equations: the derived equations.
         library: one of ``fantoccini.kernel.contract.LIBRARIES``.
     """
-    kind, names = _KINDS[library], compiled(library, equations.tree.sizes)
-    functions = _programs(equations, library, names, kind.columns)
-    is_scalar_only = library == "variational_derivatives"
-    sizes = {**equations.tree.sizes, "n_packed": 0} if is_scalar_only else None
-    derivative_names = {
-        name: functions.pop(name)
-        for name in list(functions)
-        if kind.with_lanes and name in _IN_LANES
-    }
-    own_names = [name for name in names if name not in derivative_names]
+    kind, shared = _KINDS[library], _Shared.of(equations, library)
+    functions = _programs(equations, library, shared.names, kind.columns)
+    beside = {name: functions.pop(name) for name in shared.beside}
+    parts = {kind.real: functions} | ({_BESIDE: beside} if beside else {})
+    parts |= {_SINGLE: functions} if shared.singly else {}
+    numbers = numbers_text(shared.numbers) if shared.numbers else {}
+    generated = assembled(parts, shared.files, numbers)
+    return replace(generated, shared_units=shared.units)
+
+
+def generate_main(equations: Equations, library: str = "model") -> Generated:
+    """The part of :func:`generate` that is compiled without the functions: ``main.cpp``.
+
+    Only the factor of the mass matrix is derived for it. The text is the same for puppets that
+    differ in numbers alone.
+    """
+    shared = _Shared.of(equations, library)
+    return Generated(shared.files, "main.cpp", (), {}, shared_units=shared.units)
+
+
+@dataclass(frozen=True)
+class _Shared:
+    """The main file of a library and the files that it includes.
+
+    Attributes:
+        files: file name -> text.
+        numbers: tables of numbers, whose values are in a unit of their own.
+        names: names of the functions in the library.
+        beside: names of those in lanes, in a library whose other functions compute with doubles.
+        singly: whether lanes may be advanced one by one.
+        units: runtime headers compiled once per machine and linked (see ``build.Source``).
+    """
+
+    files: dict[str, str]
+    numbers: dict[str, Sequence[float]]
+    names: tuple[str, ...]
+    beside: tuple[str, ...]
+    singly: bool
+    units: tuple[str, ...]
+
+    @classmethod
+    def of(cls, equations: Equations, library: str) -> _Shared:
+        """The main file of a library."""
+        kind, names = _KINDS[library], compiled(library, equations.tree.sizes)
+        is_scalar_only = library == "variational_derivatives"
+        sizes = {**equations.tree.sizes, "n_packed": 0} if is_scalar_only else None
+        beside = tuple(name for name in names if kind.with_lanes and name in _IN_LANES)
+        own_names = [name for name in names if name not in beside]
+        # A contact point has forces in three directions. Vectors have a width of 1 on some
+        # processors.
+        in_threes = kind.touches and equations.tree.n_contacts > 0
+        singly = in_threes and kind.real is WIDE
+        solves = Table("ModelTables::solve_number")
+        templates = _solve_templates(equations, kind, in_threes, solves)
+        space = _SPACE.format(**vars(_BESIDE)) if beside else ""
+        if singly:
+            space = f"{_SEVERAL_LANES}\n{_SPACE.format(**vars(_SINGLE))}#endif\n"
+        main = _MAIN.format(
+            library=library.replace("_", " "),
+            templates="\n".join([*templates, ""]) if templates else "",
+            more_headers=f'#include "{_BESIDE.header}"\n' if beside else "",
+            more=space,
+            members="\n".join(_members(kind, own_names, beside, in_threes)),
+            maps="".join(_map(equations, n, n in beside) for n in names) if kind.mapped else "",
+            abi=kind.header,
+            width="1" if kind.real.type == "double" else "FAN_WIDTH",
+            **vars(kind.real),
+        )
+        lengths = nominal_lengths(equations.tree)
+        numbers: dict[str, Sequence[float]] = (
+            {} if is_scalar_only else {"nominal_length": lengths, "solve_number": solves.values}
+        )
+        stems = {kind.real: own_names} | ({_BESIDE: beside} if beside else {})
+        stems |= {_SINGLE: own_names} if singly else {}
+        files = {f"{real.stem}.c": declared_functions(n, real.stem) for real, n in stems.items()}
+        files |= {f"{STEM}.hpp": tables_text(equations, sizes, numbers), "main.cpp": main}
+        shared_units = ("collision/touch_unit",) if equations.tree.n_contacts else ()
+        return cls(files, numbers, names, beside, singly, shared_units)
+
+
+def _members(
+    kind: _Kind, names: Sequence[str], beside: Sequence[str], in_threes: bool
+) -> list[str]:
+    """The members of the C++ struct ``Model``."""
     members = [
-        _member(name, kind.real, kind.mapped) for name in (*own_names, *["column"] * kind.columns)
+        _member(name, kind.real, kind.mapped) for name in (*names, *["column"] * kind.columns)
     ]
-    members += [_member(name, _BESIDE, kind.mapped) for name in derivative_names]
-    # A contact point has forces in three directions. Vectors have a width of 1 on some processors.
-    in_threes = kind.touches and equations.tree.n_contacts > 0
+    members += [_member(name, _BESIDE, kind.mapped) for name in beside]
     if in_threes:
         members.append(_PUSH.format(space=kind.real.space))
-    singly = in_threes and kind.real is WIDE
-    if singly:
-        single = [_member(name, _SINGLE, kind.mapped) for name in (*own_names, "column")]
+    if in_threes and kind.real is WIDE:
+        single = [_member(name, _SINGLE, kind.mapped) for name in (*names, "column")]
         members += [_SEVERAL_LANES, *single, "#endif"]
-    solves = Table("ModelTables::solve_number")
-    templates = []
-    if in_threes:
-        templates.append(_pushes(equations, functions["solve_factor_transposed"], solves))
     if kind.several:
-        for name in ("solve_factor_transposed", "solve_factor"):
-            templates.append(together(functions[name], f"fan_{name}_of", SIZES.piece, solves))
-            members.append(_SEVERAL.format(name=name, space=kind.real.space))
-    space = _SPACE.format(**vars(_BESIDE)) if derivative_names else ""
-    if singly:
-        space = f"{_SEVERAL_LANES}\n{_SPACE.format(**vars(_SINGLE))}#endif\n"
-    parts = {kind.real: functions} | ({_BESIDE: derivative_names} if derivative_names else {})
-    main = _MAIN.format(
-        library=library.replace("_", " "),
-        templates="\n".join([*templates, ""]) if templates else "",
-        more_headers=f'#include "{_BESIDE.header}"\n' if derivative_names else "",
-        more=space,
-        members="\n".join(members),
-        maps="".join(_map(equations, n, n in derivative_names) for n in names)
-        if kind.mapped
-        else "",
-        abi=kind.header,
-        width="1" if kind.real.type == "double" else "FAN_WIDTH",
-        **vars(kind.real),
-    )
-    lengths = nominal_lengths(equations.tree)
-    numbers = {} if is_scalar_only else {"nominal_length": lengths, "solve_number": solves.values}
-    files = {f"{STEM}.hpp": tables_text(equations, sizes, numbers), "main.cpp": main}
-    singles = {_SINGLE: functions} if singly else {}
-    generated = assembled(parts | singles, files, numbers_text(numbers) if numbers else {})
-    shared_units = ("collision/touch_unit",) if equations.tree.n_contacts else ()
-    return replace(generated, shared_units=shared_units)
+        members += [_SEVERAL.format(name=name, space=kind.real.space) for name in _SOLVES]
+    return members
+
+
+def _solve_templates(equations: Equations, kind: _Kind, in_threes: bool, table: Table) -> list[str]:
+    """Solves with the factor for several vectors at once."""
+    templates = []
+    solves = programs(equations, _SOLVES, columns=False) if in_threes or kind.several else {}
+    if in_threes:
+        templates.append(_pushes(equations, solves["solve_factor_transposed"], table))
+    if kind.several:
+        templates += [
+            together(solve, f"fan_{name}_of", SIZES.piece, table) for name, solve in solves.items()
+        ]
+    return templates
 
 
 def _programs(

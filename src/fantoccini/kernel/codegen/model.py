@@ -11,23 +11,16 @@ a motor towards its command.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from itertools import accumulate
 from typing import NamedTuple
 
-from fantoccini.base.documents import Parameter
-from fantoccini.kernel.codegen.straight import Program, dealt, pieces, program
+from fantoccini.kernel.codegen.straight import CALL_ARGUMENTS, Program, dealt, pieces, program
 from fantoccini.kernel.contract import FUNCTIONS
 from fantoccini.kernel.equations import Equations
-from fantoccini.model.tree import TURNS_WITH_LINK, WORLD, LimitRow, Role, StringRow, Tree
 
 STEM = "model"
 """Name of the files that hold the model, without their endings."""
-NUMBERS = "numbers"
-"""Name of the files that hold the numbers in the tables, without their endings."""
-
-IndexPairs = tuple[tuple[int, int], ...]
 
 
 class PieceSizes(NamedTuple):
@@ -39,7 +32,7 @@ class PieceSizes(NamedTuple):
     """
 
     piece: int = 1000
-    file: int = 6000
+    file: int = 12000
 
 
 SIZES = PieceSizes()
@@ -85,15 +78,13 @@ class Real:
 
 
 def assembled(
-    parts: Mapping[Real, dict[str, Program]], files: dict[str, str], numbers: dict[str, str]
+    parts: Mapping[Real, dict[str, Program]], shared_files: dict[str, str], numbers: dict[str, str]
 ) -> Generated:
     """Functions in units of their own, with the files that call them.
 
-    The rest is the same text for puppets that differ in numbers alone, and is compiled once.
-
     Args:
         parts: functions by name, for each type that they compute with.
-        files: ``main.cpp`` and what else it includes.
+        shared_files: ``main.cpp`` and the files that it includes (:func:`declared_functions`).
         numbers: the files of :func:`numbers_text`; none where ``model.hpp`` has no tables.
     """
     texts, counts = dict[str, str](), dict[str, int]()
@@ -104,15 +95,21 @@ def assembled(
         text = model_text(functions, stem=real.stem)
         counts |= _counted(functions)
         texts |= text
-        piece_files = [name for name in text if "pieces" in name]
+        names = [name for name in text if name != f"{real.stem}.c"]
+        calls, *piece_files = names
         units |= {
             name.replace("pieces", "unit").replace(".c", ".cpp"): _UNIT.format(
-                pieces=name, type=real.type, space=real.space, header=real.header
+                includes=_includes((calls, name) if k == 0 else (name,)),
+                type=real.type,
+                space=real.space,
+                header=real.header,
             )
-            for name in piece_files
+            for k, name in enumerate(piece_files)
         }
-        included += piece_files
-    return Generated(texts | units | files, "main.cpp", tuple(units), counts, tuple(included))
+        included += names
+    return Generated(
+        texts | units | shared_files, "main.cpp", tuple(units), counts, tuple(included)
+    )
 
 
 def programs(
@@ -151,8 +148,8 @@ def model_text(
 ) -> dict[str, str]:
     """The C text of functions, to be included after ``casadi_real`` is defined.
 
-    ``model.c`` declares the pieces, includes them unless ``FAN_APART`` is defined, and defines the
-    functions that call them. ``pieces0.c`` and so on hold the pieces.
+    ``model.c`` declares the functions where ``FAN_APART`` is defined, and otherwise includes
+    ``calls.c``, which defines them; they call the pieces, which are in ``pieces0.c`` and so on.
 
     Args:
         functions: name -> statements.
@@ -167,16 +164,43 @@ def model_text(
         for name, statements in functions.items()
     }
     files = dealt([piece for cut in all_pieces.values() for piece in cut.pieces], SIZES.file)
-    first = "" if stem == STEM else f"{stem}_"
+    first = _prefix(stem)
     names = [f"{first}pieces{k}.c" for k in range(len(files))]
-    declarations = [line for cut in all_pieces.values() for line in cut.declarations]
+    piece_declarations = [line for cut in all_pieces.values() for line in cut.declarations]
     definitions = [cut.definition for cut in all_pieces.values()] + [_switch(functions)]
-    text = _MODEL.format(
-        declarations="\n".join(declarations),
-        includes="\n".join(f'#include "{name}"' for name in names),
+    calls = _CALLS.format(
+        declarations="\n".join(piece_declarations),
         definitions="\n\n".join(definitions),
+        includes=_includes(names),
     )
-    return {f"{stem}.c": text} | dict(zip(names, files, strict=True))
+    texts = {f"{stem}.c": declared_functions(functions, stem), f"{first}calls.c": calls}
+    return texts | dict(zip(names, files, strict=True))
+
+
+def declared_functions(functions: Iterable[str], stem: str = STEM) -> str:
+    """The text of ``model.c``: it depends only on the names of the functions.
+
+    Args:
+        functions: names of the functions.
+        stem: beginning of the files' names.
+    """
+    heads = ["void fan_column(int which, const casadi_real** arg, casadi_real** res);"]
+    for name in filter(lambda name: not _is_column(name), functions):
+        variants = (name, f"{name}_varying") if _constant_results(name) else (name,)
+        heads += [f"int fan_{variant}({CALL_ARGUMENTS});" for variant in variants]
+        if len(variants) > 1:
+            heads.append(f"void fan_{name}_constants(casadi_real** res);")
+    return _MODEL.format(
+        declarations="\n".join(heads), includes=_includes([f"{_prefix(stem)}calls.c"])
+    )
+
+
+def _prefix(stem: str) -> str:
+    return "" if stem == STEM else f"{stem}_"
+
+
+def _includes(names: Iterable[str]) -> str:
+    return "\n".join(f'#include "{name}"' for name in names)
 
 
 def _constant_results(name: str) -> tuple[str, ...]:
@@ -189,193 +213,8 @@ def _switch(functions: dict[str, Program]) -> str:
         f"    case {k}: fan_{name}(arg, res, nullptr, nullptr, 0); break;"
         for k, name in enumerate(filter(_is_column, functions))
     ]
-    head = "inline void fan_column(int which, const casadi_real** arg, casadi_real** res) {"
+    head = "FAN_CALL void fan_column(int which, const casadi_real** arg, casadi_real** res) {"
     return "\n".join([head, "  switch (which) {", *calls, "  }", "}"])
-
-
-def tables_text(
-    equations: Equations,
-    sizes: dict[str, int] | None = None,
-    numbers: Mapping[str, Sequence[float]] | None = None,
-) -> str:
-    """``model.hpp``: sizes and index tables of a tree as C++ constants.
-
-    Args:
-        equations: the derived equations.
-        sizes: the constants, for functions that need no tables; these are then left out.
-        numbers: tables of numbers by name. Their values have a file of their own, so that puppets
-            that differ in them alone share compiled code.
-    """
-    constants = [
-        f"  static constexpr int {name} = {value};"
-        for name, value in (sizes or equations.sizes).items()
-    ]
-    tables = [] if sizes else _tables(equations)
-    if numbers:
-        arrays = [(f"double {name}[{max(1, len(n))}]", _macro(name)) for name, n in numbers.items()]
-        tables += ["#ifdef FAN_APART"]
-        tables += [f"  static const {array};" for array, _ in arrays]
-        tables += ["#else", f'#include "{NUMBERS}.h"']
-        tables += [f"  static constexpr {array} = {macro};" for array, macro in arrays]
-        tables += ["#endif"]
-    lines = ["#pragma once", "", "namespace fan {", "", "struct ModelTables {", *constants, *tables]
-    return "\n".join([*lines, "};", "", "}  // namespace fan", ""])
-
-
-def numbers_text(numbers: Mapping[str, Sequence[float]]) -> dict[str, str]:
-    """The files with the values of tables of numbers: a header, and a unit that defines them."""
-    values = {name: ", ".join(map(repr, n)) or "0" for name, n in numbers.items()}
-    header = [f"#define {_macro(name)} {{{text}}}" for name, text in values.items()]
-    unit = [f"const double fan::ModelTables::{name}[] = {_macro(name)};" for name in numbers]
-    includes = [f'#include "{NUMBERS}.h"', f'#include "{STEM}.hpp"', ""]
-    return {
-        f"{NUMBERS}.h": "\n".join([*header, ""]),
-        f"{NUMBERS}.cpp": "\n".join([*includes, *unit, ""]),
-    }
-
-
-def nominal_lengths(tree: Tree) -> list[float]:
-    """Lengths of the strings whose length is a number [m]; 0 for the others."""
-    return [_nominal(string) for string in tree.strings]
-
-
-def _macro(name: str) -> str:
-    return f"FAN_{name.upper()}"
-
-
-def _tables(equations: Equations) -> list[str]:
-    tree, table = equations.tree, equations.tree.coordinates
-    columns = equations.columns
-    column_of = {link: k for k, link in enumerate(columns)}
-    limit_slices = [_limit_velocity(tree, limit) for limit in tree.limits]
-    units = {row.name: row.unit for row in table.rows}
-    turns = [int(units.get(name, "rad") != "m") for name in table.v_D]
-    length_q = [s.driven_length[0] if s.driven_length else -1 for s in tree.strings]
-    length_v = [s.driven_length[1] if s.driven_length else -1 for s in tree.strings]
-    wound_q = [s.wound_length[0] if s.wound_length else -1 for s in tree.strings]
-    return [
-        f"  static constexpr bool coupled = {int(_coupled(tree))};",
-        # Whether driven accelerations act on dynamic coordinates by themselves, not through rows.
-        f"  static constexpr bool accelerated = {int(_coupled(tree) or _has_commands(tree))};",
-        _array("bool", "wire", [int(s.wire) for s in tree.strings]),
-        # Indices of a length in q_K and v_K, and in q_D if a drive winds it; otherwise -1.
-        _array("int", "length_q", length_q),
-        _array("int", "length_v", length_v),
-        _array("int", "wound_q", wound_q),
-        _array("int", "string_points", [len(s.points) for s in tree.strings]),
-        # Indices in v_D of the entries of a string's column of W.
-        *_lists("string", [_string_velocities(tree, s) for s in tree.strings]),
-        _array("bool", "turns", turns),
-        _array("int", "motor_v", tree.driven_v_D),
-        _array("bool", "watched_steps", [int(row.has_stepper) for row in tree.watched]),
-        _array("bool", "watched_turns", [turns[row.v.start] for row in tree.watched]),
-        _array("int", "limit_v", [first for first, _ in limit_slices]),
-        _array("int", "limit_n", [n for _, n in limit_slices]),
-        # Index of a limit's column in Equations.columns, and indices in v_D of its entries.
-        f"  static constexpr int n_columns = {len(columns)};",
-        _array("int", "limit_column", [column_of[r.link] for r in tree.limits if columns]),
-        *_lists("column", [entries for entries, _ in columns.values()]),
-        *_contact_tables(tree),
-        *_space("Dynamic", table.n_qD, table.n_vD, table.scalars_D, table.quaternions_D),
-        *_space("Driven", table.n_qK, table.n_vK, table.scalars_K, table.quaternions_K),
-    ]
-
-
-def _space(
-    name: str, n_q: int, n_v: int, scalars: IndexPairs, quaternions: IndexPairs
-) -> list[str]:
-    return [
-        f"  struct {name} {{",
-        f"    static constexpr int n_q = {n_q}, n_v = {n_v};",
-        f"    static constexpr int n_scalars = {len(scalars)};",
-        f"    static constexpr int n_quaternions = {len(quaternions)};",
-        "  " + _array("int", "scalar_q", [q for q, _ in scalars]),
-        "  " + _array("int", "scalar_v", [v for _, v in scalars]),
-        "  " + _array("int", "quaternion_q", [q for q, _ in quaternions]),
-        "  " + _array("int", "quaternion_v", [v for _, v in quaternions]),
-        "  };",
-    ]
-
-
-def _array(kind: str, name: str, values: Sequence[float]) -> str:
-    """A constant array; an empty one gets an unused entry, since C++ has no empty arrays."""
-    body = ", ".join(repr(v) for v in values) or "0"
-    return f"  static constexpr {kind} {name}[{max(1, len(values))}] = {{{body}}};"
-
-
-def _coupled(tree: Tree) -> bool:
-    """Whether M_DK is not zero: dynamic and driven joints move a common link."""
-    paths = (tree.ancestors(i) for i in range(len(tree.links)))
-    return any(len({tree.links[i].role for i in path} - {Role.FIXED}) > 1 for path in paths)
-
-
-def _has_commands(tree: Tree) -> bool:
-    """Whether the force of a drive depends on its command's acceleration."""
-    return any(row.command is not None for row in tree.drives)
-
-
-def _lists(name: str, lists: list[list[int]]) -> list[str]:
-    """Concatenated lists ``name_entry``, and the index of each list's start ``name_begin``."""
-    starts = accumulate((len(entries) for entries in lists), initial=0)
-    return [
-        _array("int", f"{name}_begin", list(starts)),
-        _array("int", f"{name}_entry", [entry for entries in lists for entry in entries]),
-    ]
-
-
-def _contact_tables(tree: Tree) -> list[str]:
-    """For contact: parents of links, and indices of the velocities that move them."""
-    if not tree.n_contacts:
-        return []
-    moving_velocities: dict[Role, list[list[int]]] = {Role.DYNAMIC: [], Role.DRIVEN: []}
-    for i in range(len(tree.links)):
-        for role, paths in moving_velocities.items():
-            links = [tree.links[j] for j in reversed(tree.ancestors(i))]
-            paths.append([k for a in links if a.role is role for k in range(a.v.start, a.v.stop)])
-    return [
-        _array("int", "link_parent", [link.parent for link in tree.links]),
-        *_lists("moved_D", moving_velocities[Role.DYNAMIC]),
-        *_lists("moved_K", moving_velocities[Role.DRIVEN]),
-        *_lists("carried", _carriers(tree, moving_velocities)),
-    ]
-
-
-def _carriers(tree: Tree, moving_velocities: dict[Role, list[list[int]]]) -> list[list[int]]:
-    """Velocities that move the axis of each velocity; v_K follows v_D."""
-    t = tree.coordinates
-    carriers: list[list[int]] = [[] for _ in range(t.n_vD + t.n_vK)]
-    for i, link in enumerate(tree.links):
-        if link.role is Role.FIXED:
-            continue
-        first = t.n_vD if link.role is Role.DRIVEN else 0
-        for k in range(link.v.start, link.v.stop):
-            turns = k - link.v.start in TURNS_WITH_LINK.get(link.kind, ())
-            carrier = i if turns else link.parent
-            if carrier != WORLD:
-                driven = [t.n_vD + j for j in moving_velocities[Role.DRIVEN][carrier]]
-                carriers[first + k] = moving_velocities[Role.DYNAMIC][carrier] + driven
-    return carriers
-
-
-def _string_velocities(tree: Tree, string: StringRow) -> list[int]:
-    """Indices in v_D of the links between a string's points and the world, in order."""
-    paths = (tree.ancestors(point.link) for point in string.points)
-    links = {i for path in paths for i in path if tree.links[i].role is Role.DYNAMIC}
-    if string.wound_length:
-        links |= {d.link for d in tree.drives if d.v.start == string.wound_length[1]}
-    return [k for i in sorted(links) for k in range(tree.links[i].v.start, tree.links[i].v.stop)]
-
-
-def _nominal(string: StringRow) -> float:
-    if string.length is None:
-        return 0.0
-    length = string.length
-    return length.value if isinstance(length, Parameter) else float(length)
-
-
-def _limit_velocity(tree: Tree, limit: LimitRow) -> tuple[int, int]:
-    velocities = tree.links[limit.link].v
-    return velocities.start, velocities.stop - velocities.start
 
 
 _MODEL = """\
@@ -383,20 +222,24 @@ _MODEL = """\
 #define casadi_int long long int
 #endif
 #ifdef FAN_APART
-#define FAN_PIECE
+{declarations}
 #else
 #define FAN_PIECE static __attribute__((noinline))
+#define FAN_CALL inline
+{includes}
+#undef FAN_PIECE
+#undef FAN_CALL
 #endif
+"""
 
+_CALLS = """\
 {declarations}
+
+{definitions}
 
 #ifndef FAN_APART
 {includes}
 #endif
-
-{definitions}
-
-#undef FAN_PIECE
 """
 
 _UNIT = """\
@@ -408,8 +251,10 @@ _UNIT = """\
 namespace fan {{
 namespace {space} {{
 #define casadi_real {type}
+#define casadi_int long long int
 #define FAN_PIECE
-#include "{pieces}"
+#define FAN_CALL
+{includes}
 }}  // namespace {space}
 }}  // namespace fan
 """

@@ -27,6 +27,9 @@ _NOT_ARITHMETIC = (ca.OP_CONST, ca.OP_INPUT, ca.OP_OUTPUT)
 INVERSE_ROOT = -1
 """Operation 1 / sqrt(x), which CasADi does not have."""
 
+CALL_ARGUMENTS = "const casadi_real** arg, casadi_real** res, casadi_int*, casadi_real*, int"
+"""Arguments of a function in C."""
+
 _OWN = {
     INVERSE_ROOT: "inverse_root({})",
     ca.OP_ATAN: "arctangent({})",
@@ -191,8 +194,9 @@ def pieces(
 ) -> Pieces:
     """The text of a function in pieces.
 
-    The including file defines ``casadi_real`` and ``FAN_PIECE`` (qualifiers of the pieces). Only
-    pointers of empty arguments and results may be null.
+    The including file defines ``casadi_real``, ``FAN_PIECE`` (qualifiers of the pieces) and
+    ``FAN_CALL`` (qualifiers of the functions that call them). Only pointers of empty arguments and
+    results may be null.
 
     Args:
         program_to_cut: statements of the function.
@@ -209,10 +213,9 @@ def pieces(
         "\n".join([f"FAN_PIECE void {n}({head}) {{", *cut.body(k), "}"])
         for k, n in enumerate(names)
     ]
-    arguments = "const casadi_real** arg, casadi_real** res, casadi_int*, casadi_real*, int"
     whole_name, name = name, f"{name}_varying" if separate else name
     lines = [
-        f"inline int {name}({arguments}) {{",
+        f"FAN_CALL int {name}({CALL_ARGUMENTS}) {{",
         f"  casadi_real work[{max(1, cut.n_work)}];",
         *(f"  {n}(arg, res, work);" for n in names),
         "  return 0;",
@@ -221,11 +224,11 @@ def pieces(
     if separate:
         lines += [
             "",
-            f"inline void {whole_name}_constants(casadi_real** res) {{",
+            f"FAN_CALL void {whole_name}_constants(casadi_real** res) {{",
             *cut.constants(),
             "}",
             "",
-            f"inline int {whole_name}({arguments}) {{",
+            f"FAN_CALL int {whole_name}({CALL_ARGUMENTS}) {{",
             f"  {whole_name}_constants(res);",
             f"  return {name}(arg, res, nullptr, nullptr, 0);",
             "}",
