@@ -202,8 +202,9 @@ class WalkProblem:
             steps += [Step(abs(end - place) / n_steps)] * n_steps + [Step()] * after
             heading += sum(step.turn for step in turn_steps_of_leg)
             place, step_index = end, leg.departure_step + leg.n_steps
-        last_turn = turn_steps(*np.exp(1j * np.array([heading, goal.heading])), self.pauses)
-        steps += _turn_steps(heading, goal.heading, int(last_turn))
+        headings: Complex = np.exp(1j * np.array([heading, goal.heading]))
+        n_last_steps = int(turn_steps(headings[:1], headings[1:], self.pauses)[0])
+        steps += _turn_steps(heading, goal.heading, n_last_steps)
         max_delay = int(np.floor((latest_begin - self.begin) / self.step_time + 1e-9))
         n_waiting = legs[0].departure_step - legs[0].n_turn_steps if legs else 0
         n_delay = min(max_delay, n_waiting)

@@ -25,7 +25,7 @@ from fantoccini.theatre.gaits import (
     Footfalls,
     footfalls,
 )
-from fantoccini.theatre.gestures import BodyParts, Gesture, Step, foot_links, gait_phases
+from fantoccini.theatre.gestures import BodyParts, Complex, Gesture, Step, foot_links, gait_phases
 from fantoccini.theatre.plays.runs import Run, Runs
 
 FLOOR_PAUSES = HANGING_PREPARATION_STEPS, round(CLOSING_STEPS) + RAISING_STEPS
@@ -152,7 +152,7 @@ def _turn(player: Player, angle: float, duration: float) -> Gesture:
     n_pieces = max(1, round(_PIECES_PER_SECOND * duration))
     progress, ends = np.linspace(0.0, 1.0, n_pieces + 1), player.ends()
     value, rate, change = polynomial.minimum_jerk(progress)
-    zero = 0j * progress
+    zero: Complex = np.zeros(n_pieces + 1, dtype=complex)
     heading = angle * value, angle * rate / duration, angle * change / duration**2
     ends.move_rigidly((zero, zero, zero), heading)
     return ends.gesture(duration * progress, "turn", {}, travels=True)
