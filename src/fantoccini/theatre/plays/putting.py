@@ -38,7 +38,7 @@ _HELD_OUT = {"forward": 0.4, "in": 0.065, "up": 0.03}
 """Offsets of the hand's string that hold a prop far out [m]."""
 _EMPTY_FORWARD, _EMPTY_FORWARD_PER_DROP = 0.03, 0.8
 """Additional forward offset of the hand's string while an arm comes under the bar of a standing
-prop [m], and increase of that relative to a drop: without a prop the arm hangs farther back, so that
+prop [m], and increase of that relative to a drop: without a prop the arm hangs farther back, and
 its string would pass the bar within 2 mm."""
 _RISE = 0.045
 """Rise of the hand's string before it reaches out [m]."""
