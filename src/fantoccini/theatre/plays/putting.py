@@ -38,10 +38,10 @@ _ELBOW_DISTANCE = 0.062
 
 _HELD_OUT = {"forward": 0.4, "in": 0.065, "up": 0.03}
 """Offsets of the hand's string that hold a prop far out [m]."""
-_EMPTY_FORWARD = 0.03
+_EMPTY_FORWARD, _EMPTY_FORWARD_PER_DROP = 0.03, 0.8
 """Additional forward offset of the hand's string while an arm comes under the bar of a standing
-prop: without a prop the arm hangs farther back, so that its string would pass the bar within 2 mm
-[m]."""
+prop [m], and increase of that relative to a drop: without a prop the arm hangs farther back, and
+its string would pass the bar within 2 mm."""
 _RISE = 0.045
 """Rise of the hand's string before it reaches out [m]."""
 _HELD_OUT_RISE, _PROP_PER_STRING = 0.027, 0.7
@@ -156,7 +156,7 @@ def putting(
     string, glide = physique.hand_string(side), scale * _GLIDE
     held_out = {way: scale * offset for way, offset in _HELD_OUT.items()}
     if pick_up:
-        held_out["forward"] += scale * _EMPTY_FORWARD
+        held_out["forward"] += scale * _EMPTY_FORWARD + _EMPTY_FORWARD_PER_DROP * max(drop, 0.0)
     touch_offset = -(drop + scale * _HELD_OUT_RISE) / _PROP_PER_STRING
     lowest_offset = touch_offset - scale * _FREE_DESCENT
     waypoints = shifted(
