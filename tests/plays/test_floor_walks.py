@@ -11,7 +11,7 @@ import pytest
 
 import fantoccini as fan
 from fantoccini.theatre.cast import Footing, ResultCache, Walk
-from fantoccini.theatre.gaits import MAX_SLIDE
+from fantoccini.theatre.gaits import BUNDLED_GAITS, MAX_SLIDE
 from fantoccini.theatre.gestures import Step
 from fantoccini.theatre.plays.floor_walks import FLOOR_PAUSES, floor_parts, floor_walk
 from fantoccini.theatre.plays.reading import read_play
@@ -86,9 +86,10 @@ def test_the_feet_of_a_dachshund_touch_the_floor_in_every_step_and_hardly_slide(
 
 
 @pytest.mark.slow
-def test_a_dachshund_and_a_marionette_turn_above_the_floor_and_walk_on_it(tmp_path):
+def test_bundled_puppets_turn_above_the_floor_and_walk_on_it(tmp_path):
     """Swing about the vertical would make feet slide by several millimetres."""
-    for puppet, places in (("dachshund", "[[0.06, -0.08]]"), ("marionette", "[[0.1, -0.12]]")):
+    places_of = dict.fromkeys(BUNDLED_GAITS, "[[0.1, -0.12]]") | {"dachshund": "[[0.06, -0.08]]"}
+    for puppet, places in places_of.items():
         cue = f"{{who: dog, walks to: [0.2, -0.1], past: {places}}}"
         play = fan.load_play(write(tmp_path, cue, puppet=puppet))
         verification = fan.theatre.verify_play(play)
