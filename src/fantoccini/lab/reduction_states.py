@@ -1,4 +1,4 @@
-"""The configurations and drives with which :mod:`fantoccini.lab.reduction` checks Sec. VI.
+"""Configurations and drives for :mod:`fantoccini.lab.reduction`, which checks the paper's Sec. VI.
 
 q_D are the dynamic coordinates and q_K the driven ones: ends and lengths of strings, driven joints.
 A row is a string with its gap (path length minus string length).
@@ -70,7 +70,10 @@ def in_metres(marionette: Marionette) -> NDArray[np.bool_]:
 
 
 def random_states(marionette: Marionette, n: int, rng: np.random.Generator) -> list[State]:
-    """n states with every joint displaced at random, by 1 rad or 1 m; strings are ignored."""
+    """n states with every joint displaced at random, by a standard deviation of 1 rad or 1 m.
+
+    Strings are ignored.
+    """
     x, size = marionette.state(), marionette.coordinates.n_vD + marionette.coordinates.n_vK
     return [displaced(marionette, x, rng.normal(size=size)) for _ in range(n)]
 

@@ -83,7 +83,7 @@ def constant_acceleration(
     """
     t, q, v, acc = (floats(x) for x in (t, q_K, v_K, acc_K))
     if t.ndim != 1 or len(t) < 2:
-        raise_input_error("t", f"has the shape {t.shape}; it must be two times or more")
+        raise_input_error("t", f"has the shape {t.shape}; at least two times are needed")
     n = len(t) - 1
     for field, value, width in (("q_K", q, table.n_qK), ("v_K", v, table.n_vK)):
         if value.shape not in ((width,), (n, width)):
@@ -102,7 +102,7 @@ def on_breaks(
     end_configurations: tuple[ConfigK, ConfigK],
     breaks: Times,
 ) -> InputArrays:
-    """The arrays on their own and further breaks, held at ``end_configurations`` outside."""
+    """The arrays with further breaks beside their own, held at ``end_configurations`` outside."""
     before, after = (pieces.constants(table, q_K) for q_K in end_configurations)
     coef, base = Channel(
         arrays.breaks, arrays.coef, arrays.base, before, after, table.scalars_K

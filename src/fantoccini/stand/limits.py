@@ -106,7 +106,7 @@ def axis_load(
         series: its position, velocity and acceleration.
         force: (T,) on its load [N or N m].
         impacts: impacts of the run.
-        unknown: (T,) times at which the motion does not determine the force.
+        unknown: (T,) whether the motion does not determine the force.
     """
     torque = axis_torque(axis, series, force)
     available = axis.motor.max_torque(axis.ratio * series[1], torque)
@@ -115,7 +115,7 @@ def axis_load(
 
 
 def axis_limits(stand: Stand, axis: Axis, t: Times, series: Series, load: Load) -> list[Limit]:
-    """The limits of one axis; arguments as for :func:`load_of`."""
+    """The limits of one axis; arguments as for :func:`axis_load`, with the stand."""
     p, v, acc = series
     unit, file = axis.unit, axis.file
     low, high = axis.travel

@@ -30,7 +30,7 @@ def save_points(points: SetPoints, path: str | os.PathLike[str]) -> Path:
     """Writes set points to a file; its ending and the controller select the format.
 
     Raises:
-        StandError: the controller does not read such a file, or cannot keep the times.
+        StandError: the controller does not read such a file, or its format has no times.
     """
     path = Path(path)
     suffix = path.suffix.lower()
@@ -61,7 +61,7 @@ def csv_text(points: SetPoints) -> str:
     names = [str(controller.names.get(axis.name, axis.name)) for axis in axes]
     for name in names:
         if "," in name or '"' in name:
-            raise StandError(f'controller names: found {name!r}; needed: a name without , or "')
+            raise StandError(f'names of axes: found {name!r}; needed: a name without , or "')
     turns = np.array([axis.direction * axis.ratio / (2.0 * math.pi) for axis in axes])
     if isinstance(controller, ODrive):
         headings = [f"{name}.{quantity}" for name in names for quantity in ("position", "velocity")]

@@ -84,7 +84,7 @@ class Stage:
         self._on_take.append(callback)
 
     def replace(self, marionette: Marionette) -> tuple[str, ...]:
-        """Continues with a changed puppet, and with its score at the same time.
+        """Continues with a changed puppet, and with its score where it was.
 
         Returns:
             Messages about what could not be kept.
@@ -113,7 +113,7 @@ class Stage:
         return ("the score continues where it was",) if ended else ()
 
     def poll(self, now: float) -> tuple[str, ...] | None:
-        """Loads the score again when its file has changed, and continues at the same time.
+        """Loads the score again when its file has changed, and continues where it was.
 
         Returns:
             The mistakes of a changed file, once; otherwise None.
@@ -230,7 +230,7 @@ class Stage:
         return voice
 
     def _resume_score(self, voice: ScoreVoice | None) -> None:
-        """Continues a score that has been read again at the same time."""
+        """Continues a score that has been read again where it was."""
         if voice is not None:
             self._begin(voice.running).seek(min(voice.t, self._score_or_error().duration))
 

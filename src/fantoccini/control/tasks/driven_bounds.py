@@ -58,9 +58,9 @@ class DrivenBounds:
         return (self.speed > 0.0) & (self.acceleration > 0.0)
 
     def reduced(self, reserve: float) -> DrivenBounds:
-        """The bounds with speeds and accelerations reduced by a share."""
-        share = 1.0 - reserve
-        return replace(self, speed=share * self.speed, acceleration=share * self.acceleration)
+        """The bounds with speeds and accelerations reduced by a share of them."""
+        rest = 1.0 - reserve
+        return replace(self, speed=rest * self.speed, acceleration=rest * self.acceleration)
 
     @classmethod
     def from_bounds(cls, marionette: Marionette, bounds: Bounds) -> DrivenBounds:
@@ -68,8 +68,8 @@ class DrivenBounds:
 
         Args:
             marionette: the puppet.
-            bounds: position, speed, acceleration and held velocities. Lengths stay positive. A
-                driven coordinate may be named by its command.
+            bounds: position, speed, acceleration, and velocities that stay 0. Lengths stay
+                positive. A coordinate that a motor drives may have the name of its command.
 
         Raises:
             UnknownNameError: name that is not a driven coordinate.

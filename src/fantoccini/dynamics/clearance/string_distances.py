@@ -228,13 +228,8 @@ class StringMotion:
             return np.where(is_early, margin + pairs.radii_sum[pair], -np.inf)
 
         def record(pair: Indices, k: Indices, s: Array, distance: Array) -> None:
-            near_groups = np.flatnonzero(distance - pairs.radii_sum[pair] < margin)
-            pair, k, s, group = (
-                pair[near_groups],
-                k[near_groups],
-                s[near_groups],
-                pairs.group[pair[near_groups]],
-            )
+            near = np.flatnonzero(distance - pairs.radii_sum[pair] < margin)
+            pair, k, s, group = (pair[near], k[near], s[near], pairs.group[pair[near]])
             earliest = _least_per_group(group, self.t[k] + s)
             earliest = earliest[is_before(group[earliest], k[earliest], s[earliest])]
             pair_of_group[group[earliest]], sample_of_group[group[earliest]] = (

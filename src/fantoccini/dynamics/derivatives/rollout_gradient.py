@@ -6,8 +6,9 @@ to x_k, including its effect on all later states:
     l_k = partial C / partial x_k + (df/dx)^T l_k+1,   dC/da_k = (df/da)^T l_k+1
 
 The Jacobians of f are never formed: each step needs one solution with the transposed matrix of its
-own equations (``derivatives/rollout_gradient.hpp``). Contact points with a force keep their mode,
-sticking or sliding, as in :mod:`fantoccini.dynamics.derivatives.step_partials`.
+own equations (``derivatives/rollout_gradient.hpp``). The derivatives hold for contact points
+with a force that stick or slide as in the run, as in
+:mod:`fantoccini.dynamics.derivatives.step_partials`.
 
 A rollout is a run of n steps. x_k is the state before step k, a_k are the driven accelerations in
 it, u_k user forces, and p parameters. q_D and q_K are dynamic and driven coordinates. A winch
@@ -187,7 +188,7 @@ class Rollout(ShortRepr):
     def _through_scalars(
         self, l_q: Array, l_v: Array, rate: Array, mean: Array
     ) -> tuple[Array, Array, Array]:
-        """Derivatives by the first scalar q_K and v_K, and by acc_K of all steps.
+        """Derivatives by the scalar q_K and v_K at the start, and by acc_K of all steps.
 
             q+ = q + dt rate,   rate = v + dt/2 acc,   v+ = v + dt acc,   mean = acc
 
@@ -289,7 +290,7 @@ def rollout(
 def _inputs(
     t: CoordinateTable, x0: State, acc: Array, dt: float
 ) -> tuple[dict[str, Array], tuple[DrivenStep, ...]]:
-    """Driven coordinates at the nodes, their means in the steps; and the steps, if any rotates."""
+    """Driven coordinates at the nodes and means in the steps; the steps, if rotations are driven."""
     n = len(acc)
     q_K, v_K = (np.repeat(a[None], n + 1, axis=0) for a in (x0.q_K, x0.v_K))
     v_K[1:] += dt * np.cumsum(acc, axis=0)

@@ -58,8 +58,8 @@ FeedbackLaw = Callable[[State], Accelerations]
 class Stepper:
     """Advances a puppet piece by piece; the inputs of each piece are chosen during the run.
 
-    The input of the paper's Eq. 12 is the acceleration of the driven coordinates, u_L. It is
-    constant over a piece, so that their velocity is continuous.
+    The input of Eq. 12 (Johnson and Murphey 2007) is the acceleration of the driven
+    coordinates, u_L. It is constant over a piece, so that their velocity is continuous.
 
     ``copy.copy``, ``copy.deepcopy`` and ``pickle`` give an independent stepper that continues with
     identical bits. A pickle loaded with another compiled library of the puppet continues from the

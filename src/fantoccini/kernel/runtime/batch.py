@@ -131,10 +131,10 @@ class Batch:
         pool = library.dll.fan_batch_new(ctypes.byref(arrays))
         if not pool:
             raise MemoryError("no memory for a batch")
-        failed: list[int] = []
+        return_codes: list[int] = []
 
         def work() -> None:
-            failed.append(library.dll.fan_batch_work(pool))
+            return_codes.append(library.dll.fan_batch_work(pool))
 
         workers = [threading.Thread(target=work, daemon=True) for _ in range(threads)]
         try:
@@ -153,7 +153,7 @@ class Batch:
                 if worker.ident is not None:
                     worker.join()
             library.dll.fan_batch_free(pool)
-        if all(failed):
+        if all(return_codes):
             raise MemoryError("no memory for the workers of a batch")
 
     def _arrays(self) -> ctypes.Structure:

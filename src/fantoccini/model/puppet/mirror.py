@@ -76,7 +76,7 @@ class Reflection:
         return twin_name(name, self.word, self.twin_word)
 
     def contact(self, contact: dict[str, Any]) -> dict[str, Any]:
-        """Contact rules with the twins' pairs before the originals, which override them."""
+        """Contact rules with the twins' pairs first, so that the originals override them."""
         pairs = contact.get("pairs", [])
         twins = [p | {"between": [self.name(n) for n in p["between"]]} for p in pairs]
         twins = [twin for twin, pair in zip(twins, pairs, strict=True) if twin != pair]

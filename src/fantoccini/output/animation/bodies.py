@@ -1,7 +1,7 @@
 """Keys of all bodies: as few as keep each point on them within a tolerance, in the world frame.
 
-A key is a value at a time, between which a player interpolates. A link is a body on its joint. A
-solid is a shape of a body or an obstacle.
+A key is a value at a time, between which programs that play the animation interpolate. A link is a
+body on its joint. A solid is a shape of a body or an obstacle.
 """
 
 from __future__ import annotations
@@ -79,9 +79,9 @@ class BodyTracks:
 def compute_tracks(scene: AnimatedScene, grid: Grid) -> dict[int, BodyTracks]:
     """Tracks of every shown link.
 
-    At first the joints of the longest limb share the tolerance equally. Shares then shrink around
-    the times when errors are too large, and grow elsewhere. Keys in between remove the remaining
-    errors.
+    At first each joint has an equal share of the tolerance, by the number of joints of the longest
+    limb. Shares then shrink around the times when errors are too large, and grow elsewhere. Keys in
+    between remove the remaining errors.
     """
     motions = {k: scene.motion(k, grid.run) for k in scene.links}
     extents = _extents(scene)

@@ -1,6 +1,6 @@
 """Result of an import: a puppet file, and a report of changes and omissions.
 
-A model is a file of another program.
+A model is the description of bodies and joints in files of another program.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ class ImportedPuppet:
 
         Raises:
             ExchangeError: a file exists already, or is part of the model.
-            FileNotFoundError: the folder does not exist.
+            FileNotFoundError: the folder of the puppet file does not exist.
         """
         puppet_path = Path(path)
         folder, text = f"{valid_name(puppet_path.stem) or 'puppet'}_meshes", self.text

@@ -110,8 +110,8 @@ class ScoreGestures:
             for mistake in error.mistakes:
                 self._log.mistakes.add((*spot, "gesture"), str(mistake))
         self._mistakes_of[name, member, parameters] = [
-            (file_path[len(spot) :], text)
-            for file_path, text in self._log.mistakes.findings[n_before:]
+            (mistake_spot[len(spot) :], text)
+            for mistake_spot, text in self._log.mistakes.findings[n_before:]
         ]
         return self._gestures[name, member, parameters]
 

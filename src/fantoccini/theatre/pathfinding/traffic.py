@@ -125,7 +125,7 @@ class Traffic:
         return np.array(distances) ** 2
 
     def occupied_steps(self, point: complex) -> Indices:
-        """(first_still_step + 1,) first step at or after each one in which a place is not free."""
+        """(all_standing_step + 1,) first step at or after each one in which a place is not free."""
         is_free = self._are_free(self._places - point)
         steps = np.full(self.all_standing_step + 1, NEVER)
         if not is_free[-1]:
@@ -179,7 +179,7 @@ class Traffic:
 
 @cache
 def _leg_progress(n: int, samples_per_step: int, pauses: tuple[int, int]) -> Array:
-    """(n parts + 1,) share of a leg of n steps that is completed at its samples."""
+    """(n samples_per_step + 1,) share of a leg of n steps that is completed at its samples."""
     before, after = pauses
     shares = np.arange(samples_per_step) / samples_per_step
     coef = stepping.leg_progress(n - before - after)

@@ -47,7 +47,7 @@ class Script:
         timeline: cues with their times.
         gestures: gestures of the players.
         places: places by name.
-        log: collects mistakes; has the file and the beat.
+        log: collects mistakes; has the file and the tempo.
     """
 
     cast: Cast
