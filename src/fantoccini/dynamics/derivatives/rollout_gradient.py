@@ -290,7 +290,7 @@ def rollout(
 def _inputs(
     t: CoordinateTable, x0: State, acc: Array, dt: float
 ) -> tuple[dict[str, Array], tuple[DrivenStep, ...]]:
-    """Driven coordinates at the nodes and means in the steps; the steps, if rotations are driven."""
+    """Driven coordinates at the nodes, means in the steps; the steps, if rotations are driven."""
     n = len(acc)
     q_K, v_K = (np.repeat(a[None], n + 1, axis=0) for a in (x0.q_K, x0.v_K))
     v_K[1:] += dt * np.cumsum(acc, axis=0)
