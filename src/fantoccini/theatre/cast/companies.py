@@ -73,7 +73,7 @@ class Company:
 
     @property
     def has_resting_contact(self) -> bool:
-        """Whether somebody sits or walks on the floor, or a prop stands on something but the floor."""
+        """Whether somebody sits or walks on the floor, or a prop stands above the floor."""
         props = {*self.props}
         on_forearm = [
             bool(pair & props) and any("." in name for name in pair) for pair in self.pairs
