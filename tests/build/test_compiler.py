@@ -195,12 +195,13 @@ def test_an_early_object_of_another_text_is_compiled_again(key):
 def test_a_failed_derivation_ends_the_compilers_of_early_objects(
     key, cache, program, tmp_path, monkeypatch
 ):
-    late = tmp_path / "late"
-    slow = program("slow", VERSION + f"sleep 3; touch {late}")
+    late, begun = tmp_path / "late", tmp_path / "begun"
+    slow = program("slow", VERSION + f"touch {begun}; sleep 3; touch {late}")
     monkeypatch.setenv("FANTOCCINI_CXX", str(slow))
 
     def derived() -> build.Source:
-        time.sleep(0.2)
+        while not begun.exists():
+            time.sleep(0.01)
         raise ValueError("the mass matrix is singular")
 
     with pytest.raises(ValueError, match="singular"):

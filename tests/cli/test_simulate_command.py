@@ -58,7 +58,7 @@ def test_the_summary_goes_to_stdout_and_progress_to_stderr(lift) -> None:
 
 
 def test_a_run_without_inputs_says_that_nothing_moves_the_strings(lift) -> None:
-    note = "nothing moves the strings in these 0.5 s; --inputs takes a file"
+    note = "nothing moves the driven coordinates in these 0.5 s; --inputs takes a file"
     run = ("simulate", "arm2d", "--duration", "0.5")
     assert note in fantoccini(*run).stderr
     for options in (("--inputs", lift), ("--quiet",)):

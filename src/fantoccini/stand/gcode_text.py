@@ -155,7 +155,7 @@ def gcode_program(points: SetPoints, inverse: bool = True) -> Program:
         begin = np.interp(begin, points.motion.t, points.resumed)
     # Before a dwell and at the end, a controller answers once its planner is empty.
     window = np.ones(settings.planner + 1)
-    max_wait = float(np.max(np.convolve(writer.seconds, window)))
+    max_wait = float(np.max(np.convolve([0.0, *writer.seconds], window)))
     return Program("\n".join([*lines, ""]), lines.index("; motion") + 2, begin, max_wait)
 
 
@@ -192,7 +192,8 @@ class GcodeWriter:
         self.inverse, self.is_marlin = inverse, is_marlin
         self.scale = gcode_units(points.axes)
         self.last_words: dict[str, str] = {}  # letter of an axis -> its last position
-        self.seconds = [_first_move_time(points)]
+        has_first_move = points.home or points.resumed is not None
+        self.seconds = [_first_move_time(points)] if has_first_move else []
 
     def lines_before(self) -> list[str]:
         """Lines before the motion: units, homing, slack, and the move to the start."""

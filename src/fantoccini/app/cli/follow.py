@@ -204,7 +204,7 @@ def _print_report(followed: FollowResult) -> None:
     )
     worst = max(followed.report, key=lambda part: part.run_error)
     print_output(
-        f"up to {100 * followed.error:.1f} % of the height from the clip ({worst.name}), of which "
-        f"{100 * worst.pose_error / height:.1f} % remain if the puppet hangs still in the nearest "
-        "poses that its strings allow"
+        f"up to {100 * followed.error:.1f} % of the height from the clip ({worst.name}); hanging "
+        "still in the nearest poses that its strings allow: "
+        f"{100 * worst.pose_error / height:.1f} %"
     )

@@ -99,8 +99,8 @@ def simulate_file(arguments: SimulateArguments) -> None:
         duration = _duration(arguments, inputs)
         if inputs is None and puppet.coordinates.n_vK and not arguments.quiet:
             print_message(
-                f"nothing moves the strings in these {duration:g} s; --inputs takes a file, a "
-                "score of gestures or a bundled performance (`fantoccini info` lists them)"
+                f"nothing moves the driven coordinates in these {duration:g} s; --inputs takes a "
+                "file, a score of gestures or a bundled performance (`fantoccini info` lists them)"
             )
         x0 = None if recording is None or start_values else recorded_start(puppet, recording)
         if x0 is None:

@@ -91,6 +91,9 @@ def _compile(
 ) -> list[list[str]]:
     """Compiles and links a library in the folder of the objects; returns the commands."""
     compiler, folder = find_compiler(), objects.to
+    if notice := first_build_notice(compiler):
+        # Logged, so that callers without a progress callback see it too.
+        _LOGGER.warning(notice)
     objects.begin(derivation.early())
     source = derivation.whole()
     object_sources = source.shared_objects()
@@ -120,9 +123,6 @@ def _report_compilers(
     for unit in source.shared_units:
         if f"{Path(unit).name}.o" in objects.missing:
             report(Progress(f"compiling with {compiler.version} ({unit}, once per machine)"))
-    if notice := first_build_notice(compiler):
-        # Logged, so that callers without a progress callback see it too.
-        _LOGGER.warning(notice)
 
 
 def _chosen(flags: Flags, source: Source) -> tuple[str, ...]:

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import contextlib
 import functools
-import logging
 import os
 import re
 import shutil
@@ -50,8 +49,6 @@ except ImportError:  # Windows
 
 LOCK_SECONDS = COMPILE_SECONDS + 60.0
 """Time to wait for another process that compiles the same library [s]."""
-
-_LOGGER = logging.getLogger(__name__)
 
 _LIFETIMES = {"tmp-*": 3600.0, "failed-*": 7 * 86400.0}
 """Patterns of the folders of killed and failed builds -> age at which they are removed [s]."""
